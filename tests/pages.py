@@ -15,8 +15,7 @@ from cyclopts import App, CycloptsError, MissingArgumentError
 import wakeflow as wf
 from support import DOCS, ROOT
 from wakeflow.cli import app
-from wakeflow.core.extras import register_extras
-from wakeflow.core.registry import Registry
+from wakeflow.core.registry import Registry, register_extras
 
 PAGES = [
     *(ROOT / f"{name}.md" for name in ("README", "CHANGELOG", "CONTRIBUTING", "SECURITY")),

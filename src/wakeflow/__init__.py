@@ -31,8 +31,8 @@ from .core.lazy import loaded
 
 if TYPE_CHECKING:
     from .air.field import FlowField
-    from .answer.dividers import dividers
     from .core.errors import FoamError, MeshError, ProgramError, SceneError, WakeflowError
+    from .extras.dividers.dividers import dividers
     from .extras.search.designs import Search, search
     from .extras.studies.sensitivity import Sensitivity, sensitivity
     from .extras.trays.calibration import Posterior, calibrate

@@ -63,7 +63,7 @@ def test_kernels_go_along_a_slope_as_the_material_says_and_a_ball_as_a_ball() ->
     row = flakes.kernel_row("wheat", flakes.USUAL, 600, level=False)
     assert row["drop"] == pytest.approx(wheat.restitution, abs=0.02)
     assert row["off"] == pytest.approx(1.0, abs=0.1)
-    mobility, scatter = impact_models[wheat.impact].mobility, wheat.rebound_scatter
+    mobility, scatter = 1.0 / impact_models[wheat.impact].inertia, wheat.rebound_scatter
     assert abs(row["turns"] - mobility) < margins["inverse_inertia"].half(mobility, "typical", 1.0)
     for way in ("by_velocity", "by_landing"):
         assert abs(row[way] - scatter) < margins["rebound_scatter"].half(scatter, "typical", 1.0)

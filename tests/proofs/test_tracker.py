@@ -20,7 +20,7 @@ from support import RHOMBUS
 from wakeflow.air.mesh import plan_mesh
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
-from wakeflow.extras.verify import verify_commands
+from wakeflow.extras import verify as verify_commands
 from wakeflow.laws.drag import drag_laws
 
 Array = NDArray[np.float64]

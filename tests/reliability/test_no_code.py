@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from support import begun_part
+from wakeflow.core.files import _user_folder, kernel_root, user_secret
 from wakeflow.core.store import BEGUN, Store
-from wakeflow.core.user_folder import _own_folder, kernel_root, own_secret
 
 KEY, OTHER = "a" * 64, "b" * 64
 
@@ -71,9 +71,9 @@ def test_a_stage_of_ones_own_goes_on(tmp_path: Path) -> None:
 
 
 def test_nobody_else_reads_what_seals_are_made_with() -> None:
-    assert len(own_secret()) == 32
-    assert own_secret() == own_secret()
-    (secret,) = _own_folder("seals").iterdir()
+    assert len(user_secret()) == 32
+    assert user_secret() == user_secret()
+    (secret,) = _user_folder("seals").iterdir()
     assert stat.S_IMODE(secret.stat().st_mode) == 0o600
 
 
@@ -108,7 +108,7 @@ def test_the_index_of_kernels_in_a_cache_is_not_read(tmp_path: Path) -> None:
     assert not kernel_root().is_relative_to(tmp_path)
 
 
-ROOT_OF_KERNELS = "from wakeflow.core.user_folder import kernel_root; print(kernel_root())"
+ROOT_OF_KERNELS = "from wakeflow.core.files import kernel_root; print(kernel_root())"
 
 
 def where(**environment: str) -> Path:

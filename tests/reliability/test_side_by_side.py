@@ -23,9 +23,9 @@ from support import CASES, ROOT, begun_part, loaded_scene, working_in
 from wakeflow.cli import main
 from wakeflow.core import store as store_module
 from wakeflow.core.executor import Workers
+from wakeflow.core.files import kernel_root
 from wakeflow.core.process import background, cores, end_group, start_in_group
 from wakeflow.core.store import USERS, Store, cache_in_use, is_marked, kept_stages, remove_stages
-from wakeflow.core.user_folder import kernel_root
 
 SEED = 31
 KILLS = int(os.environ.get("WAKEFLOW_KILLS", "50"))

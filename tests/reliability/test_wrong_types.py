@@ -9,8 +9,8 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.answer.dividers import trade_off
 from wakeflow.core.errors import SceneError
+from wakeflow.extras.dividers.dividers import trade_off
 from wakeflow.scene import Scene
 from wakeflow.scene.overrides import changes_of
 

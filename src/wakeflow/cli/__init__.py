@@ -23,8 +23,8 @@ from typing import ClassVar, NoReturn
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from ..core.errors import ProgramError, SceneError, WakeflowError, one_line
-from ..core.extras import extras
 from ..core.files import FULL
+from ..core.registry import extras
 from ..scene.overrides import unquoted
 from . import batch, run
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     RungName = str
 else:
     RungName = Literal[tuple(rungs)]
-Stage = Literal["funnel", "mesh", "airflow", "tracks"]  # after which a run can stop
 Folder = Annotated[Path | None, Parameter(help="Folder for the results; default runs/, the scene's name, its changes.")]
 Fidelity = Annotated[RungName | None, Parameter(help="Fidelity of the airflow instead of the scene's own.")]
 Settings = Annotated[

@@ -5,28 +5,17 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from .options import (
-    PACE,
-    AsJson,
-    Budget,
-    Folder,
-    Pace,
-    Picture,
-    Quiet,
-    Settings,
-    Stage,
-    Threads,
-    next_to,
-    scene_and_folder,
-)  # fmt: skip
-from .screen import has_screen, print_pairs, print_parts, warn
+from ..show.screen import has_screen, print_pairs, print_parts, warn
+from .options import PACE, AsJson, Budget, Folder, Pace, Picture, Quiet, Settings, Threads, next_to, scene_and_folder
 
 if TYPE_CHECKING:
     from ..scene import Scene
+
+Stage = Literal["funnel", "mesh", "airflow", "tracks"]  # after which a run can stop
 
 
 def run(
@@ -62,16 +51,16 @@ def run(
     from .. import runs
     from ..runs.progress import live
 
-    asked, folder = scene_and_folder(scene, settings, gate, out)
+    machine, folder = scene_and_folder(scene, settings, gate, out)
     with live(enabled=not quiet, as_json=as_json) as listener:
         result = runs.run(
-            asked, folder, until=until, near=near, workers=workers, listener=listener, planned=listener.planned,
+            machine, folder, until=until, near=near, workers=workers, listener=listener, planned=listener.planned,
             quick=gate.quick, budget=budget, **gate.how,
         )  # fmt: skip
     if as_json:
         print(json.dumps(result.table, indent=2))
     elif not quiet:
-        from .show_result import show_result
+        from ..show.terminal import show_result
 
         show_result(result)
 
@@ -113,13 +102,13 @@ def plan(
     from ..scene import units_written
     from ..show.plan_words import cost_words, plan_lines, told_by_all, whole_plan
 
-    asked, folder = scene_and_folder(scene, settings, gate, out)
+    machine, folder = scene_and_folder(scene, settings, gate, out)
     how = gate.how
     if gate.quick:
         from ..runs.effort import quick_settings
 
-        asked, how = quick_settings(asked, how)
-    made = make_plan(asked, **how)
+        machine, how = quick_settings(machine, how)
+    made = make_plan(machine, **how)
     if as_json:
         print(json.dumps(made.summary(), indent=2))
     else:
@@ -130,18 +119,18 @@ def plan(
             warn(made.warnings, [notice.grade.value for notice in made.notices], most=len(made.notices))
             print_parts([cost])
         else:
-            print_pairs([*plan_lines(made, asked, cost, units_written(scene)), ("", told_by_all(made))])
+            print_pairs([*plan_lines(made, machine, cost, units_written(scene)), ("", told_by_all(made))])
     if picture is not None or not as_json:
-        _draw(picture or next_to(folder, "-plan.png"), asked, scene, told=not as_json, show=show)
+        _draw(picture or next_to(folder, "-plan.png"), machine, scene, print_path=not as_json, show=show)
 
 
-def _draw(path: Path, asked: Scene, scene: Path, *, told: bool, show: bool) -> None:
+def _draw(path: Path, machine: Scene, scene: Path, *, print_path: bool, show: bool) -> None:
     """Draw what a scene file asks for, in the units that it writes; print the picture's path, and open it."""
     from ..scene import units_written
     from ..show.sketch import write_sketch
 
-    write_sketch(path, asked, units_written(scene))
-    if told:
+    write_sketch(path, machine, units_written(scene))
+    if print_path:
         print(f"drawing: {path}")
     if show:
         _open(path)

@@ -55,7 +55,7 @@ def truths(name: str, values: ArrayLike) -> NDArray[np.bool_]:
     """Truth values, or numbers as such. Raises SceneError for masked ones."""
     if isinstance(values, list | tuple):
         return np.array([truths(name, item) for item in values], dtype=bool)
-    result = np.asarray(numbers(name, values) if _unit_and_number(values) else _unmasked(values, f"{name}: "))
+    result = np.asarray(numbers(name, values) if _unit_and_number(values)[0] else _unmasked(values, f"{name}: "))
     if result.dtype.kind not in "biuf":
         raise SceneError(f"{name}: needs truth values, not {result.dtype}")
     return result.astype(bool)
@@ -65,8 +65,9 @@ def as_written(value: Any) -> object:
     """A value as a scene file has it: arrays as lists, a quantity as text with its unit. Raises SceneError for masked
     values.
     """
-    if (said := _unit_and_number(value)) is not None:
-        return _in_unit(numbers("value", said[1]).tolist(), said[0])
+    unit, magnitude = _unit_and_number(value)
+    if unit:
+        return _in_unit(numbers("value", magnitude).tolist(), unit)
     if isinstance(value, timedelta) or getattr(getattr(value, "dtype", None), "kind", "") == "m":
         return _in_unit(numbers("value", value, "s").tolist(), "s")
     return _unmasked(value).tolist() if hasattr(value, "tolist") else str(value)
@@ -77,13 +78,13 @@ def plain(name: str, values: Any) -> Any:
     if isinstance(values, list | tuple):
         return [plain(name, item) for item in values]
     try:
-        return as_written(values) if _unit_and_number(values) is not None else _unmasked(values)
+        return as_written(values) if _unit_and_number(values)[0] else _unmasked(values)
     except SceneError as problem:
         raise SceneError(f"{name}: {problem}") from None
 
 
-def _in_unit(found: Any, unit: str) -> object:
-    return [_in_unit(item, unit) for item in found] if isinstance(found, list) else f"{found!r} {unit}"
+def _in_unit(values: Any, unit: str) -> object:
+    return [_in_unit(item, unit) for item in values] if isinstance(values, list) else f"{values!r} {unit}"
 
 
 def _floats(values: Any, unit: str) -> Array:
@@ -91,8 +92,9 @@ def _floats(values: Any, unit: str) -> Array:
         if not set(map(type, values)) <= PLAIN:  # what an entry says, numpy would drop
             return np.array([_floats(item, unit) for item in values])
         return np.array(values, dtype=np.float64)
-    if (said := _unit_and_number(values)) is not None:
-        return _floats(said[1], "1") * _factor(said[0], unit)
+    given, magnitude = _unit_and_number(values)
+    if given:
+        return _floats(magnitude, "1") * _factor(given, unit)
     if isinstance(values, str):
         return _text(values, unit)
     if isinstance(values, timedelta):
@@ -129,15 +131,15 @@ def _factor(given: str, wanted: str) -> float:
         raise SceneError(str(problem)) from None
 
 
-def _unit_and_number(values: Any) -> tuple[str, Any] | None:
-    """The unit that an array-like carries, "1" for none of a quantity, and what it is a unit of."""
+def _unit_and_number(values: Any) -> tuple[str, Any]:
+    """The unit that an array-like carries, "1" for none of a quantity, and what it is a unit of; "" for no quantity."""
     if isinstance(values, date | timedelta):  # a pandas.Timedelta has a unit and a value, which is nanoseconds
-        return None
+        return "", values
     for unit, number in CARRIERS:
         if getattr(values, unit, None) is not None and hasattr(values, number):
             return str(getattr(values, unit)).replace("dimensionless", "") or "1", getattr(values, number)
     noted = getattr(values, "attrs", None)  # of xarray
-    return (str(noted["units"]), np.asarray(values)) if isinstance(noted, dict) and noted.get("units") else None
+    return (str(noted["units"]), np.asarray(values)) if isinstance(noted, dict) and noted.get("units") else ("", values)
 
 
 def _unmasked(values: Any, at: str = "") -> Any:

@@ -70,7 +70,7 @@ class ProgramError(WakeflowError):
         log: Path | None = None,
         tail: str = "",
         ended: str = "",
-        returncode: int | None = None,
+        returncode: int = 0,
     ) -> None:
         super().__init__(message)
         self.ended = ended

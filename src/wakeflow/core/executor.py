@@ -62,7 +62,7 @@ class Workers(Executor):
         folder.mkdir(parents=True, exist_ok=True)
         self.count, self.folder, self.cwd, self.env = count, folder, cwd.absolute(), env
         self._threads = ThreadPoolExecutor(count, initializer=self._begin)  # a process each
-        self._numbers, self._own, self._over = numbers_from(1), local(), False
+        self._numbers, self._local, self._over = numbers_from(1), local(), False
         self._alive: dict[subprocess.Popen[bytes], Connection] = {}
 
     def submit(self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs) -> Future[Result]:
@@ -95,32 +95,32 @@ class Workers(Executor):
             self.end()
 
     def _begin(self) -> None:
-        self._own.log, self._own.child = self.folder / f"log.worker-{next(self._numbers)}", None
+        self._local.log, self._local.child = self.folder / f"log.worker-{next(self._numbers)}", None
 
     def _ask(self, call: tuple[Callable[..., Any], tuple[Any, ...], dict[str, Any]]) -> Any:
         question = pickle.dumps(call)
-        self._own.child = child = self._own.child or self._start()
+        self._local.child = child = self._local.child or self._start()
         if self._over:  # asked for once the process is among those that are ended
             raise ProgramError("the workers were ended")
         try:
             self._alive[child].send_bytes(question)
             done, reply = self._alive[child].recv()
         except (EOFError, OSError):
-            self._own.child, code = None, self._close(child)
+            self._local.child, code = None, self._close(child)
             ended = f"by signal {-code}" if code < 0 else f"with exit code {code}"
-            log = self._own.log
+            log = self._local.log
             raise ProgramError(f"its worker process was ended {ended}", log=log, tail=tail(log)) from None
         if done:
             return reply
-        raise ProgramError(reply[0], log=self._own.log, tail=reply[1])
+        raise ProgramError(reply[0], log=self._local.log, tail=reply[1])
 
     def _start(self) -> subprocess.Popen[bytes]:
         ours, theirs = Pipe()
         command = [sys.executable, "-P", "-m", "wakeflow.core.executor", str(theirs.fileno())]
         env = {**os.environ, **ONE_THREAD, **self.env}
-        if self._own.log.is_symlink():
-            self._own.log.unlink()
-        with self._own.log.open("ab") as sink, theirs:
+        if self._local.log.is_symlink():
+            self._local.log.unlink()
+        with self._local.log.open("ab") as sink, theirs:
             child = start_in_group(command, self.cwd, env, sink, pass_fds=(theirs.fileno(),))
         self._alive[child] = ours
         return child
@@ -190,7 +190,7 @@ class Cluster(Executor):
     client: distributed.Client
     place: TaskPlace
     needs: Mapping[str, int] = field(default_factory=dict)
-    _own: bool = False
+    _connected: bool = False
     _sent: dict[Future[Any], distributed.Future[Any]] = field(default_factory=dict)
 
     @classmethod
@@ -211,7 +211,7 @@ class Cluster(Executor):
             raise SceneError(
                 f"no Dask scheduler answers at {scheduler!r} ({problem}); start one with: dask scheduler"
             ) from None
-        return cls(client, place, _own=True)
+        return cls(client, place, _connected=True)
 
     @property
     def size(self) -> int:
@@ -265,13 +265,13 @@ class Cluster(Executor):
             for future in list(self._sent):
                 future.exception()
         self.client.run(_end_here, self.place)
-        if self._own:
+        if self._connected:
             self.client.close()
 
     def __exit__(self, kind: object, problem: object, trace: object) -> None:
         if not isinstance(problem, _Lost):
             self.shutdown(cancel_futures=kind is not None)
-        elif self._own:
+        elif self._connected:
             self.client.close()
 
     def _hand_on(self, mine: Future[Any], theirs: distributed.Future[Any]) -> None:

@@ -151,12 +151,13 @@ class _Reader:
     def _macro(self, scopes: tuple[Entries, ...], macro: str, at: int) -> str | Entries:
         """What a ``macro`` at byte ``at`` represents."""
         name, _, usual = macro.strip("${}").partition(":-")
-        result = _named(scopes, name)
+        entry = _named(scopes, name)
+        if not entry and not usual:
+            raise self._refused(at, f"${name} is defined nowhere before; write out what it represents")
+        result = entry[0] if entry else usual
         if isinstance(result, str) and result.startswith("nonuniform") and name.endswith("internalField"):
             return "$internalField"
-        if result is None and not usual:
-            raise self._refused(at, f"${name} is defined nowhere before; write out what it represents")
-        return usual if result is None else result
+        return result
 
     def _directive(self, scopes: tuple[Entries, ...], word: str, at: int) -> int:
         """Obey ``#include``, ``#ifeq`` and their like; returns where to go on, known up to byte ``at`` of its line."""
@@ -220,11 +221,11 @@ class _Reader:
         return FoamError(f"cannot read {self.path}, line {line}: {why}", log=self.path)
 
 
-def _named(scopes: tuple[Entries, ...], name: str) -> str | Entries | None:
-    """What a name means in the innermost of the ``scopes`` that has it; None where none has."""
+def _named(scopes: tuple[Entries, ...], name: str) -> list[str | Entries]:
+    """What a name means in the innermost of the ``scopes`` that has it; nothing where none has."""
     for scope in reversed(scopes):
-        if (result := _in(scope, name)) is not None:
-            return result
+        if entry := _in(scope, name):
+            return entry
     if name[:1] in ":!":
         steps, scopes = re.split(r"[./]", name[1:]), scopes[:1]
     elif "/" in name:
@@ -235,22 +236,22 @@ def _named(scopes: tuple[Entries, ...], name: str) -> str | Entries | None:
         steps = name.lstrip(".").split(".")
         up = len(name) - len(name.lstrip("."))
         scopes = scopes[len(scopes) - up : len(scopes) - up + 1] if up else scopes
-    result = next((item for scope in reversed(scopes) if (item := _in(scope, steps[0])) is not None), None)
+    entry = next(filter(None, (_in(scope, steps[0]) for scope in reversed(scopes))), [])
     for step in steps[1:]:
-        result = _in(result, step) if isinstance(result, dict) else None
-    return result
+        entry = _in(entry[0], step) if entry and isinstance(entry[0], dict) else []
+    return entry
 
 
-def _in(scope: Entries, name: str) -> str | Entries | None:
-    """The entry of a ``name``, else that of the last pattern which it matches."""
+def _in(scope: Entries, name: str) -> list[str | Entries]:
+    """The entry of a ``name``, else that of the last pattern which it matches; nothing without either."""
     if name in scope:
-        return scope[name]
-    return next((scope[key] for key in reversed(scope) if key[:1] == '"' and re.fullmatch(key[1:-1], name)), None)
+        return [scope[name]]
+    return [scope[key] for key in reversed(scope) if key[:1] == '"' and re.fullmatch(key[1:-1], name)][:1]
 
 
-def _merge(into: Entries, found: Entries) -> None:
+def _merge(into: Entries, entries: Entries) -> None:
     """Take entries over: a dictionary into that of its name, anything else in place of it."""
-    for key, said in found.items():
+    for key, said in entries.items():
         old = into.get(key)
         if isinstance(old, dict) and isinstance(said, dict):
             _merge(old, said)

@@ -113,12 +113,13 @@ def runs_into(line: Array, outline: Array) -> bool:
     return bool(crosses or contains(outline, line).any())
 
 
-def distance_between(one: Array, other: Array) -> float:
+def distance_between(outline: Array, other: Array) -> float:
     """Least distance (m) between two outlines; 0 where they cross, touch or one encloses the other."""
-    (a, b), (c, d) = edges(one), edges(other)
-    if segments_cross(a[:, None], b[:, None], c, d).any() or contains(one, other).any() or contains(other, one).any():
+    (a, b), (c, d) = edges(outline), edges(other)
+    within = contains(outline, other).any() or contains(other, outline).any()
+    if within or segments_cross(a[:, None], b[:, None], c, d).any():
         return 0.0
-    return float(min(distance_to(one, other).min(), distance_to(other, one).min()))
+    return float(min(distance_to(outline, other).min(), distance_to(other, outline).min()))
 
 
 def distance_to(points: Array, outline: Array) -> Array:
@@ -194,11 +195,11 @@ def is_symmetric(outline: Array, axis: float = 0.0, tolerance: float = 1e-9) -> 
 def are_symmetric(outlines: Sequence[Array], axis: float = 0.0, tolerance: float = 1e-9) -> bool:
     """Whether the mirror image about x = axis of every outline is one of them (tolerance in its own widths)."""
 
-    def same(one: Array, other: Array) -> bool:
-        if len(one) != len(other):
+    def same(image: Array, other: Array) -> bool:
+        if len(image) != len(other):
             return False
-        apart = np.linalg.norm(one[:, None] - other[None], axis=2).min(axis=1)
-        return bool(apart.max() <= tolerance * np.ptp(one[:, 0]))
+        apart = np.linalg.norm(image[:, None] - other[None], axis=2).min(axis=1)
+        return bool(apart.max() <= tolerance * np.ptp(image[:, 0]))
 
     mirrored = (outline * (-1.0, 1.0) + (2 * axis, 0.0) for outline in outlines)
     return all(any(same(image, outline) for outline in outlines) for image in mirrored)

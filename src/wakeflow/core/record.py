@@ -89,7 +89,7 @@ def columns(kind: type) -> Iterator[Column]:
 
 @cache
 def _adapter(kind: Hashable) -> TypeAdapter[Any]:
-    """Of a table with one record in it: its key names where the record comes from, in errors."""
+    """The adapter of a table with one record in it, whose key names where the record comes from, in errors."""
     config = ConfigDict(extra="forbid", validate_by_name=True, serialize_by_alias=True)
     return TypeAdapter(dict[str, kind], config=config)  # type: ignore[valid-type]
 

@@ -1,16 +1,20 @@
 """One registry for everything that comes in named kinds: drag laws, size distributions, shapes, materials.
 
-An entry that is registered is tested: the test suite is parametrised over the registries.
+An entry that is registered is tested: the test suite is parametrised over the registries. The extras, packages built
+upon the rooms, register what they add; no room names one.
 """
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+from types import ModuleType
 from typing import Generic, TypeVar
 
 from .errors import SceneError
-from .extras import register_extras
 
 Entry = TypeVar("Entry")
 
@@ -75,3 +79,19 @@ class Registry(Generic[Entry]):
         if self._extended:
             register_extras()
         return self._entries
+
+
+# -- The extras --------------------------------------------------------------------------------------------------------
+@cache
+def extras() -> tuple[ModuleType, ...]:
+    """Every extra that is there. ``COMMANDS`` of one: its commands, "module:function" each."""
+    home = import_module("..extras", __package__)
+    return tuple(import_module(f"{home.__name__}.{module.name}") for module in iter_modules(home.__path__))
+
+
+@cache
+def register_extras() -> None:
+    """Have each extra add its entries to the rooms' registries, by its function ``register`` where it has one."""
+    for extra in extras():
+        if add := getattr(extra, "register", None):
+            add()

@@ -18,10 +18,9 @@ from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
-from .files import atomic_write
+from .files import atomic_write, kernel_root, key_root
 from .lazy import parsed
 from .store import content_key, digest_files
-from .user_folder import kernel_root, key_root
 
 NAME = __name__.partition(".")[0]
 PACKAGE = Path(__file__).parent.parent

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import SceneError
-from .files import atomic_write, digest_of, read_json, read_whole, write_json
+from .files import atomic_write, digest_of, read_json, read_whole, user_secret, write_json
 from .process import check_cancelled, is_worked_in, wait_for_orphans
-from .user_folder import own_secret
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -102,14 +101,13 @@ def _write_mark(folder: Path) -> None:
 
 def aliens_in(root: Path) -> list[Path]:
     """What is in the cache's folder that the store does not write."""
-    return [
-        path for path in sorted(root.iterdir())
-        if not OWN.fullmatch(path.name) and (path.is_symlink() or not path.is_dir() or _aliens_in_stage(path))
-    ]  # fmt: skip
+    paths = [path for path in sorted(root.iterdir()) if not OWN.fullmatch(path.name)]
+    return [path for path in paths if path.is_symlink() or not path.is_dir() or any(map(_is_alien, path.iterdir()))]
 
 
-def _aliens_in_stage(folder: Path) -> list[Path]:
-    return [path for path in folder.iterdir() if path.is_symlink() or not OF_STAGE.fullmatch(path.name)]
+def _is_alien(path: Path) -> bool:
+    """Whether a path in the folder of a stage is none that the store writes."""
+    return path.is_symlink() or not OF_STAGE.fullmatch(path.name)
 
 
 def stage_folders(root: Path) -> list[Path]:
@@ -215,7 +213,7 @@ class Store:
             _remove(final)
             if not part.is_symlink():  # what a link leads to is not the cache's
                 wait_for_orphans(part)
-            if not _is_own(part):
+            if not _is_begun_here(part):
                 _remove(part)
                 part.mkdir()
                 with atomic_write(part / BEGUN, "wb") as stream:
@@ -270,7 +268,7 @@ def _wait_for(lock: BaseFileLock) -> None:
             return
 
 
-def _is_own(part: Path) -> bool:
+def _is_begun_here(part: Path) -> bool:
     """Whether this user has begun the stage that works in a folder."""
     with suppress(OSError, SceneError):
         return not part.is_symlink() and read_whole(part / BEGUN) == _seal(part)
@@ -279,7 +277,7 @@ def _is_own(part: Path) -> bool:
 
 def _seal(part: Path) -> bytes:
     """What only this user can write, for a stage in this folder: in a copy of it another would belong."""
-    return hmac.digest(own_secret(), f"{part.name} {part.stat().st_ino}".encode(), "sha256")
+    return hmac.digest(user_secret(), f"{part.name} {part.stat().st_ino}".encode(), "sha256")
 
 
 def _remove(folder: Path) -> None:
@@ -303,14 +301,14 @@ PREFIX = {"": 1.0, "b": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 
 @dataclass(frozen=True)
 class KeptStage:
-    """A stage in the cache: what it is, where, ``size`` (bytes) that removing it frees, the ``seconds`` it took, None
+    """A stage in the cache: what it is, where, ``size`` (bytes) that removing it frees, the ``seconds`` it took, 0
     where nobody noted them, and when it was last ``used`` (s since 1970); ``finished``, or left by an interrupted run.
     """
 
     stage: str
     folder: Path
     size: int
-    seconds: float | None
+    seconds: float
     used: float
     finished: bool = True
 
@@ -325,7 +323,7 @@ def kept_stages(root: Path) -> list[KeptStage]:
     for folder in stage_folders(root):
         with suppress(FileNotFoundError):  # a run that ends at this moment gives it its final name
             result.append(_kept(folder))
-    return sorted(result, key=lambda one: (one.finished, one.used))
+    return sorted(result, key=lambda stage: (stage.finished, stage.used))
 
 
 def _kept(folder: Path) -> KeptStage:
@@ -334,7 +332,7 @@ def _kept(folder: Path) -> KeptStage:
     try:
         seconds = float(read_json(folder / "seconds.json"))
     except (OSError, ValueError, TypeError):  # nobody noted them, or a damaged disk did
-        seconds = None
+        seconds = 0.0
     size = sum(file.st_size for file in files if file.st_nlink == 1)
     used = (folder / MANIFEST if finished else folder).stat().st_mtime
     return KeptStage(folder.parent.name, folder, size, seconds, used, finished)

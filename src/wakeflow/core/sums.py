@@ -34,7 +34,7 @@ def listed(folder: Path) -> dict[str, str]:
 
 
 def _lines(folder: Path) -> list[str]:
-    """Those of the program's list, MARK the first; none where there is no list, or one of others."""
+    """The lines of the program's list, MARK the first; none where there is no list, or one of others."""
     try:
         lines = read_whole(folder / SUMS).decode().splitlines()
     except (OSError, UnicodeDecodeError, SceneError):

@@ -27,7 +27,7 @@ UNITS = {"terminal_velocity": "m/s", "rebound_scatter": "rad", "density": "kg/m3
 def _print_all(known: Mapping[str, Material]) -> None:
     """Print a row for each material."""
 
-    from ..cli.screen import print_table
+    from ..show.screen import print_table
 
     rows = [
         [
@@ -45,11 +45,11 @@ def _print_one(name: str, one: Material) -> None:
     from rich.console import Console
     from rich.padding import Padding
 
-    from ..cli.screen import plain
+    from ..show.screen import plain
 
     console = Console()
-    for told, source in _values(name, one):
-        console.print(plain(told), style="bold")
+    for line, source in _values(name, one):
+        console.print(plain(line), style="bold")
         console.print(Padding(plain(source), (0, 0, 0, 4)))
 
 
@@ -61,7 +61,7 @@ def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
             known = one.evidence[quantity]
             value = f"{_within(one, quantity)} {UNITS.get(quantity, '')}".strip()
             yield f"{quantity}: {value}{_mean(one, quantity)}; {known.confidence}", known.source
-    if one.dimensions is not None:
+    if one.dimensions:
         known = one.evidence["dimensions"]
         sides = " x ".join(f"{1e3 * side:.3g}" for side in one.dimensions)
         yield f"dimensions: {sides} mm; {known.confidence}", known.source
@@ -69,8 +69,8 @@ def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
         for key, ends in one.moisture.ends.items():
             unit, scale = ("mm", 1e3) if key == "diameter" else (UNITS.get(key, ""), 1.0)
             pairs = zip(ends, one.moisture.share, strict=True)
-            told = ", ".join(f"{scale * value:.4g} {unit}".strip() + f" at {100 * wet:.3g}%" for value, wet in pairs)
-            yield f"{key} by moisture: {told}", one.moisture.source
+            values = ", ".join(f"{scale * value:.4g} {unit}".strip() + f" at {100 * wet:.3g}%" for value, wet in pairs)
+            yield f"{key} by moisture: {values}", one.moisture.source
 
 
 def _within(one: Material, name: str) -> str:
@@ -86,8 +86,7 @@ def _mean(one: Material, quantity: str) -> str:
     value, margin = getattr(one, quantity), default_margins().get(quantity)
     if margin is None or not isinstance(value, int | float):
         return ""
-    own = one.half_of(quantity)
-    half = margin.half(float(value), one.evidence[quantity].confidence, 0.0) if own is None else own
+    half = one.half_of(quantity, margin.half(float(value), one.evidence[quantity].confidence, 0.0))
     return f" (a lot's mean: +- {half:.2g})"
 
 

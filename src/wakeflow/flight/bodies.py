@@ -74,17 +74,17 @@ class Motion:
         t, along = numbers("time", time, "s")[..., None], np.asarray(self.amplitude, dtype=float)
         if self.record is not None:
             moved = self.record.at(t + self.phase * self.record.period / (2 * np.pi))
-            return (along * (moved[0] / self.record.reach), along * (moved[1] / self.record.reach),
-                    along * (moved[2] / self.record.reach))  # fmt: skip
-        omega = 2 * np.pi * self.frequency
-        s, c = np.sin(omega * t + self.phase), np.cos(omega * t + self.phase)
-        if self.pivot is not None:
-            away = np.asarray(place, dtype=float) - np.asarray(self.pivot)
-            out, turn, growth = along * s, along * (omega * c), along * (-(omega**2) * s)
-            moved = np.sin(out) * across(away) - 2.0 * np.sin(0.5 * out) ** 2 * away
-            there = away + moved
-            return moved, turn * across(there), growth * across(there) - turn**2 * there
-        return along * s, along * (omega * c), along * (-(omega**2) * s)
+            out, rate, pull = (part / self.record.reach for part in moved)
+        else:
+            omega = 2 * np.pi * self.frequency
+            out, c = np.sin(omega * t + self.phase), np.cos(omega * t + self.phase)
+            rate, pull = omega * c, -(omega**2) * out
+        if self.pivot is None:
+            return along * out, along * rate, along * pull
+        away, out, turn = np.asarray(place, dtype=float) - np.asarray(self.pivot), along * out, along * rate
+        moved = np.sin(out) * across(away) - 2.0 * np.sin(0.5 * out) ** 2 * away
+        there = away + moved
+        return moved, turn * across(there), along * pull * across(there) - turn**2 * there
 
     def __post_init__(self) -> None:
         values = numbers("motion: amplitude", self.amplitude, "m" if self.pivot is None else "rad")

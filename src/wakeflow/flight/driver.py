@@ -23,6 +23,7 @@ from .kernel.layout import PackedAir, Rules, Walls
 from .kernel.loop import fly_block
 from .pack import (
     AT_REST,
+    VACUUM,
     Packed,
     check_forces,
     from_frame,
@@ -91,6 +92,7 @@ def track(
     and its place across the slab (``grains.depth``, or drawn by ``seed``); docs/model.md. Raises SceneError for an
     unknown force or drag law, a force that needs what the field has not, or arguments out of range.
     """
+    field = VACUUM if field is None else field
     check_forces(forces, field)
     until, tolerance = number("until", until, "s"), number("tolerance", tolerance)
     solids = [body if isinstance(body, Body) else Body(body, motion=motion) for body in bodies]
@@ -190,19 +192,19 @@ def _fly_colliding(
     return fly_colliding(slab, tracks, alone, seed, progress)
 
 
-def _longest_wait(field: FlowField | None, air: PackedAir, bodies: Sequence[Body], omega: float) -> float:
+def _longest_wait(field: FlowField, air: PackedAir, bodies: Sequence[Body], omega: float) -> float:
     """Seconds that a granule held by friction waits for what may blow or shake it off; inf: for ever."""
     periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]
     rest = max([*periods, 2 * np.pi / omega] if omega > 0 else periods, default=0.0)
-    if field is not None and field.times is not None and len(field.times) > 1:
+    if field.times is not None and len(field.times) > 1:
         rest = max(rest, field.period) if field.period is not None else np.inf
-    if field is not None and air.values.shape[-1] > at.NODE_RMS:  # eddies may blow it off; after many of them it stays
+    if air.values.shape[-1] > at.NODE_RMS:  # eddies may blow it off; after many of them it stays
         rest = max(rest, EDDIES * eddy_life(field))
     return rest
 
 
 def _rules(
-    field: FlowField | None,
+    field: FlowField,
     air: PackedAir,
     bodies: Sequence[Body],
     walls: Walls,
@@ -214,7 +216,7 @@ def _rules(
     march: bool,
 ) -> Rules:
     """The kernel's scalars; ``length`` (m), ``until`` (s)."""
-    extent = IN_VACUUM * length if field is None else float(np.hypot(*(field.box[1] - field.box[0])))
+    extent = IN_VACUUM * length if field is VACUUM else float(np.hypot(*(field.box[1] - field.box[0])))
     coarse = 1.0 / air.smooth[at.KNOT_RATE] if air.smooth[at.KNOT_RATE] != 0.0 else np.inf
     omega = float(air.swing[at.SWING_OMEGA])
     box, swing = walls.bodies[:, : at.REACH_X], np.abs(walls.bodies[:, [at.REACH_X, at.REACH_Y]])

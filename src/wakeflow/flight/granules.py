@@ -47,8 +47,8 @@ def _sound(name: str, values: ArrayLike, count: int) -> AnyArray:
     """The array of a property of ``count`` granules. Raises SceneError for values that it cannot have."""
     if name in KINDS:
         return _shaped(name, KINDS[name](f"granule {name}", values), (count,))
-    found = numbers(f"granule {name}", values, UNITS.get(name, "1"))
-    array = _shaped(name, found, (count, VECTORS[name]) if name in VECTORS else (count,))
+    array = numbers(f"granule {name}", values, UNITS.get(name, "1"))
+    array = _shaped(name, array, (count, VECTORS[name]) if name in VECTORS else (count,))
     if name not in ENDLESS:
         _refuse(name, array, ~np.isfinite(array), "finite")
     if name in ALLOWED:
@@ -153,8 +153,8 @@ class Granules:
         return made
 
     def _unchecked(self, changes: dict[str, Any]) -> Granules:
-        """With ``changes`` that are sound already: draws of the inputs take parts of very few granules hundreds of
-        times, and checking all of each took longer than their flight.
+        """The granules with ``changes`` that are sound already: draws of the inputs take parts of very few granules
+        hundreds of times, and checking all of each took longer than their flight.
         """
         made = object.__new__(Granules)
         for name, value in (vars(self) | changes).items():

@@ -27,6 +27,8 @@ from .kernel.layout import PackedAir, Rules, Walls
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 MAX_TABLES = 4096
+# In place of a field where there is none
+VACUUM = FlowField(np.zeros((0, 2)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 2)), density=0.0, viscosity=0.0)
 BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach speed
 
 
@@ -34,7 +36,7 @@ BY_LAW = -1.0  # in place of a granule's restitution: look it up at the approach
 class Packed:
     """What all blocks of granules of one call share, most of it as the kernel takes it."""
 
-    field: FlowField | None
+    field: FlowField
     grains: Granules
     forces: Sequence[str]
     gravity: Sequence[float]
@@ -49,18 +51,22 @@ class Packed:
     table_of: Index  # which of them each granule uses
 
 
-def check_forces(forces: Sequence[str], field: FlowField | None) -> None:
+def check_forces(forces: Sequence[str], field: FlowField) -> None:
     """Raise SceneError for a force that is unknown, not computed, or lacks what it needs of the field."""
     for name in forces:
         force = all_forces[name]
         if not force.computed:
             computed = ", ".join(known for known in all_forces if all_forces[known].computed)
             raise SceneError(f"force {name!r} is only bounded, not computed (computed: {computed})")
-        if field is not None and (lacking := force.lacks(field)):
-            raise SceneError(f"forces: {name} needs {lacking}")
+        if field is VACUUM:
+            continue
+        if force.needs == "pressure" and field.pressure is None and field.given_gradient is None:
+            raise SceneError(f"forces: {name} needs a field with pressure")
+        if force.needs == "turbulence" and (field.k is None or field.dissipation is None):
+            raise SceneError(f"forces: {name} needs a field with k and dissipation; a laminar airflow has none")
 
 
-def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[str], gravity: Sequence[float]) -> Array:
+def pack_granules(grains: Granules, field: FlowField, forces: Sequence[str], gravity: Sequence[float]) -> Array:
     """Constants of every granule (n, CONSTANTS), see ``layout``: those of its walls, and those of each force.
 
     ``gravity`` (2,) m/s2. Without a field only forces act that need none. Raises SceneError for a gravity that is no
@@ -81,13 +87,17 @@ def pack_granules(grains: Granules, field: FlowField | None, forces: Sequence[st
     rows[:, at.SCATTER], rows[:, at.GIVES_BACK] = grains.scatter, grains.tangential_restitution
     rows[:, at.CAPTURE], rows[:, at.STICKS] = grains.capture_speed, grains.sticks
     acting = [
-        all_forces[name] for name in all_forces if name in forces and (field is not None or all_forces[name].in_vacuum)
+        force
+        for name in all_forces
+        if name in forces
+        for force in [all_forces[name]]
+        if field is not VACUUM or force.in_vacuum
     ]
     pull = np.zeros((len(grains), 2))
     for force in acting:
         pull += force.acceleration(grains, field, g)
     rows[:, [at.GX, at.GY]] = pull
-    if field is not None:
+    if field is not VACUUM:
         rows[:, at.REYNOLDS2] = (field.density * grains.diameter / field.viscosity) ** 2
         rows[:, at.VORTICITY] = field.density * grains.diameter**2 / field.viscosity
         _fill_by_air(rows, acting, grains, field)
@@ -163,7 +173,7 @@ def pack_state(flight: Packed, grains: Granules, streams: Index) -> tuple[Array,
     ints[:, [at.FATE, at.LINE, at.FEATURE, at.GAP, at.TRI]] = -1
     ints[:, at.FATE] = at.FLYING
     ints[:, at.STREAM] = streams
-    if flight.field is not None and len(grains):
+    if flight.field is not VACUUM and len(grains):
         ints[:, at.TRI] = flight.field.locate(grains.position)
         outside = np.flatnonzero(ints[:, at.TRI] < 0)
         if len(outside) and len(flight.air.covered):
@@ -197,9 +207,9 @@ MINUTE = 1e-9  # of an amplitude: relative motion below it is round-off
 AT_REST = MeshOscillation(0.0, 0.0, 0.0, 0.0)
 
 
-def mesh_motion_of(field: FlowField | None) -> MeshOscillation:
+def mesh_motion_of(field: FlowField) -> MeshOscillation:
     """How the field's mesh moves."""
-    swing = AT_REST if field is None or field.motion is None else field.motion
+    swing = AT_REST if field.motion is None else field.motion
     return AT_REST if swing.x == 0.0 and swing.y == 0.0 else swing
 
 

@@ -22,7 +22,7 @@ from ..laws.turbulence import damping, lifetime, shortest_life
 from .bodies import Body
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Walls
-from .pack import AT_REST, mesh_motion_of, relative
+from .pack import AT_REST, VACUUM, mesh_motion_of, relative
 
 # -- From bodies and lines to the plain arrays of the kernel -----------------------------------------------------------
 Array = NDArray[np.float64]
@@ -209,11 +209,11 @@ _KEPT: WeakKeyDictionary[FlowField, _Kept] = WeakKeyDictionary()
 _KEEPING = Lock()
 
 
-def pack_air(field: FlowField | None, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
+def pack_air(field: FlowField, bodies: Sequence[Body], reach: float, forces: Sequence[str]) -> PackedAir:
     """The field's arrays; boundary edges with both ends within ``reach`` (m) of a body's outline count as covered by
     it. They are kept as long as the field is: making them takes as long as a few hundred flights.
     """
-    if field is None:
+    if field is VACUUM:
         empty = np.zeros((0, 3), dtype=np.int64)
         nothing = (np.zeros(0), np.zeros(1), rows_of_ints([], 4), np.zeros(3), empty[:, 0], np.zeros(5), np.zeros(4))
         return PackedAir(np.zeros((0, 8)), empty, empty, np.zeros((0, 0, 4)), *nothing, np.zeros(0))
@@ -323,8 +323,8 @@ def _interpolant(field: FlowField, needs: _Needs) -> tuple[Array, Array, Array]:
 
 
 def evenness(field: FlowField, rms: Array, life: Array) -> Array:
-    """For how long (N,) s eddies stay what they are about each node, from their deviation m/s and lifetime s at the
-    nodes (T, N).
+    """The time (N,) s for which eddies stay what they are about each node, from their deviation m/s and lifetime s at
+    the nodes (T, N).
 
     In the triangles at it for their lifetime (not for less than a fluctuation as large as the deviation s takes through
     one: the mesh tells nothing finer), or ``STEEP`` / |grad s|, the time in which it meets an s that is e times as

@@ -160,7 +160,7 @@ class Tracks:
         return self.recorded[i]
 
     def some(self, rows: Index) -> Tracks:
-        """Those of the granules ``rows`` (m,)."""
+        """The tracks of the granules ``rows`` (m,)."""
         own = {f.name: getattr(self, f.name) for f in fields(self)}
         parts: dict[str, Any] = {name: value[rows] for name, value in own.items() if isinstance(value, np.ndarray)}
         return replace(self, **parts, recorded=[self.recorded[i] for i in rows] if self.recorded else [])

@@ -56,24 +56,19 @@ ROUGH = 1e300  # a larger friction counts as this one: an infinite friction time
 
 @dataclass(frozen=True)
 class ImpactModel:
-    """How a granule turns when it is struck: ``inertia`` k = I / (m r^2) about its axis, None for a point mass that
+    """How a granule turns when it is struck: ``inertia`` k = I / (m r^2) about its axis, infinite for a point mass that
     does not; the shape it ``means``; ``source``; whether it is a ``flake``, whose spin is drawn (``laws.flake``).
     """
 
-    inertia: float | None
+    inertia: float
     means: str
     source: str
     flake: bool = False
 
-    @property
-    def mobility(self) -> float:
-        """1 / k = m r^2 / I; 0 for a point mass."""
-        return 0.0 if self.inertia is None else 1.0 / self.inertia
-
 
 impact_models: Registry[ImpactModel] = Registry("impact model")
 _ROUTH = "Routh, E.J. 1897, Dynamics of a System of Rigid Bodies, ch. 1 (moments of inertia) and 4 (impact)"
-impact_models.add("paper", ImpactModel(None, "a point mass: slips, or stops along the slope", "Spade et al. 2020"))
+impact_models.add("paper", ImpactModel(math.inf, "a point mass: slips, or stops along the slope", "Spade et al. 2020"))
 impact_models.add("sphere", ImpactModel(0.4, "a solid sphere: bead, round seed", _ROUTH))
 impact_models.add("kernel", ImpactModel(
     0.4, "a kernel that comes any way: along a slope it goes, in the mean, as a solid sphere",

@@ -140,18 +140,6 @@ def _table(factor: Callable[..., Array], sphericity: float) -> Array:
     return np.ascontiguousarray(np.linalg.solve(w[:, None] ** np.arange(4), values.T).T)
 
 
-def table_factor(table: Array, reynolds: ArrayLike) -> Array:
-    """f from a :func:`drag_table`: constant below its range, constant Cd above. The tracker's kernel does the same."""
-    re = np.asarray(reynolds, dtype=float)
-    low, high = TABLE_DECADES
-    y = (np.log10(np.clip(re, 10.0**low, 10.0**high)) - low) * TABLE_CELLS
-    cell = np.clip(y.astype(int), 0, len(table) - 1)
-    c, w = table[cell], y - cell
-    f = c[..., 0] + w * (c[..., 1] + w * (c[..., 2] + w * c[..., 3]))
-    value: Array = f * np.maximum(re / 10.0**high, 1.0)
-    return value
-
-
 def relaxation_time(diameter: ArrayLike, density: ArrayLike, viscosity: float) -> Array:
     """Stokes relaxation time rho_p d^2 / (18 mu), s; ``viscosity`` dynamic, Pa s."""
     value: Array = np.asarray(density, dtype=float) * np.asarray(diameter, dtype=float) ** 2 / (18.0 * viscosity)

@@ -46,7 +46,7 @@ class DrivenJet:
 
     @property
     def speed(self) -> Array:
-        """On the axis (n,) m/s."""
+        """The speed on the axis (n,) m/s."""
         return math.sqrt(2.0) * _over(self.momentum, self.flux)
 
     @property

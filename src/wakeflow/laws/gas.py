@@ -30,8 +30,8 @@ def air_viscosity(temperature: float) -> float:
 
 
 def mean_free_path(density: float, viscosity: float, temperature: float, pressure: float) -> float:
-    """Of the molecules (m) of a gas of ``density`` (kg/m3) and dynamic ``viscosity`` (Pa s) at K and Pa; 0 of what is
-    too dense to be one.
+    """The mean free path (m) of the molecules of a gas of ``density`` (kg/m3) and dynamic ``viscosity`` (Pa s) at K and
+    Pa; 0 of what is too dense to be one.
 
     It goes with viscosity / sqrt(density pressure), by kinetic theory and whatever the gas: Jennings, S.G. 1988,
     J. Aerosol Sci. 19, 159. Of air the same as Willeke, K. 1976, J. Aerosol Sci. 7, 381.

@@ -64,7 +64,7 @@ class Front(Protocol):
         """Velocity u + i v (m/s) and the label's derivative along z."""
 
     def away(self, z: Complex) -> Complex:
-        """From the nearest point of the body's face to z (m)."""
+        """The way from the nearest point of the body's face to z (m)."""
 
     def inside(self, z: Complex) -> NDArray[np.bool_]:
         """Whether z lies within the body or the wake behind it."""

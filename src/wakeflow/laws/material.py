@@ -8,6 +8,7 @@ The data are in uncertainties.toml, with the words for them at its head.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import tomllib
@@ -49,7 +50,7 @@ class Evidence:
 
     confidence: str
     source: str
-    uncertainty: float | None = None
+    uncertainty: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class Material:
     rebound_scatter: float = 0.0  # rad, rms angle by which its shape turns the wall's normal at an impact
     tangential_restitution: float = 0.0  # of a contact that sticks
     impact: str = "paper"  # name of its impact model: how a blow turns it
-    dimensions: tuple[float, ...] | None = None  # m, length, width, thickness; None: a ball
+    dimensions: tuple[float, ...] = ()  # m, length, width, thickness; none of a ball
     evidence: Mapping[str, Evidence] = field(default_factory=dict)  # of each of the quantities, by name
     moisture: Moisture | None = None  # what water does to it, where that was measured
     also: tuple[str, ...] = ()  # other names, and names of what is nearest to it
@@ -106,9 +107,10 @@ class Material:
     def __post_init__(self) -> None:
         object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
 
-    def half_of(self, quantity: str) -> float | None:
-        """Half of the 95 % interval of a quantity's mean where it says that itself."""
-        return self.evidence[quantity].uncertainty if quantity in self.evidence else None
+    def half_of(self, quantity: str, usual: float = math.nan) -> float:
+        """Half of the 95 % interval of a quantity's mean where it says that itself, else the ``usual``."""
+        half = self.evidence[quantity].uncertainty if quantity in self.evidence else math.nan
+        return usual if math.isnan(half) else half
 
     def confidence_in(self, quantity: str) -> str:
         """How well one of its numbers is known."""
@@ -244,10 +246,9 @@ def _not_known(table: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _margin(at: str, key: str, part: Mapping[str, Any]) -> float | None:
-    """Half of the 95 % interval that a material gives of its own number; None where it gives none."""
-    given = part.get("uncertainty")
-    return None if given is None else _number(f"{at}.uncertainty", given, key)
+def _margin(at: str, key: str, part: Mapping[str, Any]) -> float:
+    """Half of the 95 % interval that a material gives of its own number; not a number where it gives none."""
+    return _number(f"{at}.uncertainty", part["uncertainty"], key) if "uncertainty" in part else math.nan
 
 
 def _dimensions(at: str, table: Mapping[str, Any]) -> tuple[tuple[float, ...], Evidence]:

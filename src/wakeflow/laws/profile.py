@@ -6,6 +6,7 @@ mass falls. Granules spread by it represent the same mass each, wherever they fa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from statistics import NormalDist
 
@@ -40,9 +41,9 @@ def parabolic(p: Array, width: float) -> Array:
 
 
 @profiles.register("normal")
-def normal(p: Array, width: float, *, std: float | None = None) -> Array:
+def normal(p: Array, width: float, *, std: float = math.nan) -> Array:
     """Normal with standard deviation ``std`` (m; a quarter of the width without), cut off at the curtain's edges."""
-    spread = 0.25 * width if std is None else std
+    spread = 0.25 * width if math.isnan(std) else std
     below = NormalDist().cdf(-0.5 * width / spread)
     return np.asarray(spread * normal_quantile(below + np.asarray(p) * (1.0 - 2.0 * below)))
 

@@ -195,7 +195,8 @@ class Restitution:
         units = {"at": "m/s", "speeds": "m/s"}
         self.law = law
         self.parameters = {
-            key: numbers(f"restitution: {key}", one, units.get(key, "1")).tolist() for key, one in parameters.items()
+            key: numbers(f"restitution: {key}", given, units.get(key, "1")).tolist()
+            for key, given in parameters.items()
         }
         entry.value(np.ones(1), **self.parameters)
 
@@ -215,11 +216,11 @@ class Restitution:
     def shifted(self, by: float) -> Restitution:
         """The law with ``by`` added to what was measured of it, its ``value`` or ``values``, no more than it can be."""
         most = self.parameters.get("most", MAX_RESTITUTION)
-        own = {key: self.parameters[key] for key in ("value", "values") if key in self.parameters}
+        said = {key: self.parameters[key] for key in ("value", "values") if key in self.parameters}
         least = 0.0 if self.law in ("constant", "table") else MIN_RESTITUTION
         most = 1.0 if least == 0.0 else most
         changed = dict(self.parameters)
-        for key, measured in own.items():
+        for key, measured in said.items():
             changed[key] = np.clip(np.asarray(measured) + by, least, most).tolist()
         return Restitution(self.law, **changed)
 

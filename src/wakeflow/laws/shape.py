@@ -6,6 +6,7 @@ angle is measured from the horizontal, as in the impact law.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -19,26 +20,23 @@ Outline = NDArray[np.float64]
 shapes: Registry[Callable[..., Outline]] = Registry("shape")
 
 
-def _height(half_width: float, slope_angle: float | None, height: float | None) -> float:
-    """Height (m) of a slope over ``half_width``, from its angle (rad) or as given: exactly one of the two."""
-    if (slope_angle is None) == (height is None):
+def _height(half_width: float, slope_angle: float, height: float) -> float:
+    """Height (m) of a slope over ``half_width``, from its angle (rad) or as given: one of the two, and one alone."""
+    if math.isnan(slope_angle) == math.isnan(height):
         raise SceneError("give either slope_angle or height, not both and not neither")
-    if height is not None:
-        return height
-    assert slope_angle is not None
-    return half_width * float(np.tan(slope_angle))
+    return half_width * float(np.tan(slope_angle)) if math.isnan(height) else height
 
 
 @shapes.register("rhombus")
-def rhombus(*, width: float, slope_angle: float | None = None, height: float | None = None) -> Outline:
+def rhombus(*, width: float, slope_angle: float = math.nan, height: float = math.nan) -> Outline:
     """Rhombus standing on a corner; ``width``, ``height`` are its diagonals. Origin where they cross."""
     half = width / 2
-    rise = height / 2 if height is not None and slope_angle is None else _height(half, slope_angle, height)
+    rise = _height(half, slope_angle, height / 2)
     return np.array([(half, 0.0), (0.0, rise), (-half, 0.0), (0.0, -rise)])
 
 
 @shapes.register("prism")
-def prism(*, width: float, slope_angle: float | None = None, height: float | None = None, apex: str = "up") -> Outline:
+def prism(*, width: float, slope_angle: float = math.nan, height: float = math.nan, apex: str = "up") -> Outline:
     """Isosceles triangle with a horizontal base of ``width``, apex up or down. Origin at the centroid."""
     half = width / 2
     rise = _height(half, slope_angle, height)

@@ -137,7 +137,7 @@ def layers(
         layer(slope_angle, fall_speed, body_speed, rho * share, area, e, f, k)
         for rho, share, e, f, k in zip(density, shares, restitution, friction, turning, strict=True)
     ]
-    parts = Layer(*(np.stack([getattr(one, name) for one in each]) for name in Layer.__dataclass_fields__))
+    parts = Layer(*(np.stack([getattr(part, name) for part in each]) for name in Layer.__dataclass_fields__))
     mass = np.broadcast_to(
         (np.asarray(density) * shares).reshape(-1, *[1] * (parts.velocity.ndim - 1)), parts.velocity.shape
     )

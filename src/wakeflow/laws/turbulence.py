@@ -117,20 +117,25 @@ def entering_energy(intensity: float, speed: float) -> float:
     return 1.5 * (intensity * speed) ** 2
 
 
+def not_carried(_k: float, _width: float) -> float:
+    """What enters of a field that a model computes from the others."""
+    return math.nan
+
+
 @dataclass(frozen=True)
 class TurbulenceField:
     """A field that a model needs in addition to U and p.
 
     ``name`` in OpenFOAM; ``means`` in words; its unit is m^``metres`` / s^``seconds``. ``entering``: its value (SI) in
-    air that enters with k (m2/s2) through an opening of a given width (m); None where the model computes the field from
-    the others and nothing is transported.
+    air that enters with k (m2/s2) through an opening of a given width (m); ``not_carried`` where the model computes the
+    field from the others and nothing is transported.
     """
 
     name: str
     means: str
     metres: int
     seconds: int
-    entering: Callable[[float, float], float] | None = None
+    entering: Callable[[float, float], float] = not_carried
 
     @property
     def inlet(self) -> str:
@@ -188,7 +193,7 @@ class TurbulenceModel:
     @property
     def transported(self) -> tuple[TurbulenceField, ...]:
         """The fields that air carries in through the inlet."""
-        return tuple(field for field in self.fields if field.entering is not None)
+        return tuple(field for field in self.fields if field.entering is not not_carried)
 
 
 turbulence_models = Registry[TurbulenceModel]("turbulence model")
@@ -253,7 +258,7 @@ def model_at(reynolds: float) -> TurbulenceModel:
     return next(model for model in models if model.reynolds[0] <= reynolds < model.reynolds[1])
 
 
-def has_no_turbulence(name: str | None) -> bool:
+def has_no_turbulence(name: object) -> bool:
     """Whether a plan's ``turbulence`` is a model without turbulence; False for words that are no model (a user's case,
     a stream whose turbulence decays, no air at all).
     """

@@ -40,7 +40,7 @@ class Record:
 
     @property
     def seam(self) -> float:
-        """By how much the acceleration jumps from one period to the next, over its peak."""
+        """The jump of the acceleration from one period to the next, over its peak."""
         return float(abs(self.acceleration[-1] - self.acceleration[0])) / self.peak_acceleration
 
     @property

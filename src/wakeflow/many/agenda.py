@@ -57,19 +57,19 @@ def starts(points: Sequence[Mapping[str, object]]) -> list[int]:
     the points span, other values by whether they are the same.
     """
     count = len(points)
-    found = list(range(count))
+    places = list(range(count))
     if not count:
-        return found
+        return places
     apart = _distances(points)
     near = np.full(count, int(apart.sum(axis=1).argmin()))
     there = np.arange(count) == near[0]
     for _ in range(count - 1):
         away = np.where(there, -1.0, apart[np.arange(count), near])
         new = int(away.argmax())
-        found[new] = int(near[new])
+        places[new] = int(near[new])
         there[new] = True
         near = np.where(apart[:, new] < apart[np.arange(count), near], new, near)
-    return found
+    return places
 
 
 def _distances(points: Sequence[Mapping[str, object]]) -> NDArray[np.float64]:
@@ -170,9 +170,9 @@ class _Planned:
         """MPI processes of its airflow for which a cluster must have cores. The two that a large airflow in two
         dimensions takes unasked are not counted: any worker may run it.
         """
-        asked, airflow = self.scene.numerics.ranks, self.plan.airflow
-        if asked != "auto":
-            return asked
+        ranks, airflow = self.scene.numerics.ranks, self.plan.airflow
+        if ranks != "auto":
+            return ranks
         return 1 if airflow.span is None else ranks_for(round(typical_cells(self.scene, airflow)))[0]
 
     @cached_property
@@ -457,10 +457,10 @@ def finished(folder: Path, stamp: str) -> Result | None:
     if not isinstance(noted, dict) or noted.get("stamp") != stamp:
         return None
     try:
-        found = Result.load(folder)
+        result = Result.load(folder)
     except WakeflowError:  # removed by hand, or written by another version
         return None
-    return found if noted.get("key") == found.key else None
+    return result if noted.get("key") == result.key else None
 
 
 def solve_airflow_of(job: Job) -> str:

@@ -62,27 +62,27 @@ class Axis:
         rounded = float(f"{number:.{DIGITS}g}")
         return f"{rounded!r} {self.unit}" if self.unit else rounded
 
-    def where(self, tables: Mapping[str, object]) -> float | None:
-        """The place, from 0 to 1, of the value that a scene's flat ``tables`` (SI) hold; None where it lies outside or
+    def where(self, tables: Mapping[str, object]) -> float:
+        """The place, from 0 to 1, of the value that a scene's flat ``tables`` (SI) hold; nan where it lies outside or
         among no listed ones, or where tied keys differ.
         """
         key = self.keys[0]
         if any(tables.get(tied) is None for tied in self.keys):
-            return None
+            return math.nan
         if not self.ends:
-            found = next((i for i, value in enumerate(self.values) if self._held(value, tables)), None)
-            return None if found is None else (found + 0.5) / len(self.values)
+            held = (i for i, value in enumerate(self.values) if self._held(value, tables))
+            return (next(held, math.nan) + 0.5) / len(self.values)
         try:
             low, high = (_si(end, self.unit, key) for end in self.ends)
         except ValueError:  # a unit of another kind: each design will say so
-            return None
+            return math.nan
         own = tables[key]
         if isinstance(own, bool) or not isinstance(own, int | float):
-            return None
+            return math.nan
         own = -own if self._tied[0].startswith("-") else own
         place = math.log(own / low) / math.log(high / low) if self.log and own > 0.0 else (own - low) / (high - low)
         inside = 0.0 <= place <= 1.0
-        return place if inside and self._held(self.at(place), tables, ALIKE * abs(high - low)) else None
+        return place if inside and self._held(self.at(place), tables, ALIKE * abs(high - low)) else math.nan
 
     def _held(self, value: Any, tables: JsonMapping, within: float = 0.0) -> bool:
         """Whether the flat ``tables`` hold what a ``value`` makes of a scene, numbers to ``within``."""
@@ -93,11 +93,11 @@ class Axis:
                 number = _si(*parts, key) if parts else plain
             except ValueError:
                 return False
-            own = tables[key]
-            if isinstance(own, int | float) and isinstance(number, int | float) and not isinstance(own, bool):
-                if not math.isclose(own, number, rel_tol=ALIKE, abs_tol=within):
+            given = tables[key]
+            if isinstance(given, int | float) and isinstance(number, int | float) and not isinstance(given, bool):
+                if not math.isclose(given, number, rel_tol=ALIKE, abs_tol=within):
                     return False
-            elif own != number:
+            elif given != number:
                 return False
         return True
 
@@ -184,7 +184,7 @@ def axes_of(table: Mapping[str, object], where: str) -> list[Axis]:
 
 
 def _axes(table: Mapping[str, object], where: str, above: tuple[str, ...]) -> Sequence[Axis]:
-    found: list[Axis] = []
+    axes: list[Axis] = []
     for name, value in table.items():
         if not isinstance(name, str):
             raise SceneError(f"{where}: {name!r}: name a key of the scene")
@@ -194,14 +194,14 @@ def _axes(table: Mapping[str, object], where: str, above: tuple[str, ...]) -> Se
         if isinstance(value, list):
             if not value:
                 raise SceneError(f"{where}: {key} = []: give at least one value")
-            found.append(Axis(key, tuple(value)))
+            axes.append(Axis(key, tuple(value)))
         elif not isinstance(value, Mapping):
-            found.append(Axis(key, (value,)))
+            axes.append(Axis(key, (value,)))
         elif {"from", "to"} <= set(value) and not isinstance(value["from"], list | Mapping):
-            found.append(_table_range(key, value, where))
+            axes.append(_table_range(key, value, where))
         else:
-            found += _axes(value, where, (*above, name))
-    return found
+            axes += _axes(value, where, (*above, name))
+    return axes
 
 
 def _table_range(key: str, table: Mapping[str, object], where: str) -> Axis:
@@ -222,10 +222,10 @@ def _table_range(key: str, table: Mapping[str, object], where: str) -> Axis:
 def _quantity(where: str, value: object) -> tuple[float, str]:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value), ""
-    found = split_quantity(value) if isinstance(value, str) else None
-    if found is None:
+    parts = split_quantity(value) if isinstance(value, str) else None
+    if parts is None:
         raise SceneError(f"{where} = {value!r}: give a number, or one with a unit such as '5 m/s'")
-    return found
+    return parts
 
 
 def _range(key: str, low: float, high: float, count: int, unit: str, *, log: bool = False) -> Axis:
@@ -265,8 +265,8 @@ def listed(axes: Sequence[Axis], count: int, seed: int) -> list[Changes]:
     lengths = {axis.key: len(axis.values) for axis in axes}
     _few_enough(max(lengths.values(), default=0))
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{key} {length}" for key, length in lengths.items())
-        raise SceneError(f'design = "list": every key needs as many values as the others ({told})')
+        counts = ", ".join(f"{key} {length}" for key, length in lengths.items())
+        raise SceneError(f'design = "list": every key needs as many values as the others ({counts})')
     return [_changes(axes, row) for row in zip(*(axis.values for axis in axes), strict=True)]
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..answer.budget.agreement import Agreement, agreement_in
 from ..answer.result import Result
 from ..answer.result_table import DONE, Difference, Entry, ResultTable, differences_of, quantities_of
 from ..core import sums
@@ -16,6 +17,7 @@ from ..core.record import JsonMapping
 from ..core.tables import CellTable
 from ..scene import Scene
 from ..scene.changes import differing
+from ..scene.measured import Measured, read_trays
 
 DIFFERENCES = {  # heads of differences.csv, and what each is of a difference
     "scene": "scene", "against": "against", "quantity": "quantity", "difference": "value", "low": "low", "high": "high",
@@ -69,13 +71,21 @@ class RunComparison(InTable):
         """Of every later run from the first, quantity by quantity."""
         return tuple(differences_of(self.table.entries))
 
+    @property
+    def by_quantity(self) -> dict[str, dict[str, Difference]]:
+        """The differences by quantity and run."""
+        rows: dict[str, dict[str, Difference]] = {}
+        for difference in self.differences:
+            rows.setdefault(difference.quantity, {})[difference.scene] = difference
+        return rows
+
     def frame(self, *, wide: bool = False) -> Any:
         """As :meth:`wakeflow.Sweep.frame`."""
         return self.table.frame(wide=wide)
 
     def write(self, folder: Path) -> None:
         """Write compare.html, compare.csv, differences.csv and figures."""
-        from ..show.html.comparison_page import write_comparison
+        from ..show.html.pages import write_comparison
         from ..show.many_figures import draw_table_figures
 
         files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]
@@ -84,7 +94,7 @@ class RunComparison(InTable):
             draw_table_figures(folder, self.table)
             self.table.tidy().write_csv(whole)
             CellTable.of(self.differences, DIFFERENCES).write_csv(apart)
-            write_comparison(page, self.table, self.differences, self.runs)
+            write_comparison(page, self.table, self.by_quantity, self.runs)
 
 
 def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
@@ -94,18 +104,18 @@ def compare(runs: Sequence[Result | Path | str]) -> RunComparison:
     """
     if isinstance(runs, Result | Path | str) or not isinstance(runs, Iterable):
         raise SceneError("give a list of runs to compare, as in compare([one, other])")
-    found = [run if isinstance(run, Result) else Result.load(run) for run in runs]
-    if len(found) < 2:
+    results = [run if isinstance(run, Result) else Result.load(run) for run in runs]
+    if len(results) < 2:
         raise SceneError("give at least two runs to compare")
-    folders = [run.folder.resolve() for run in found]
-    if twice := [run.folder for run, folder in zip(found, folders, strict=True) if folders.count(folder) > 1]:
+    folders = [run.folder.resolve() for run in results]
+    if twice := [run.folder for run, folder in zip(results, folders, strict=True) if folders.count(folder) > 1]:
         raise SceneError(f"{twice[0]} is given twice")
-    columns = differing([Scene.parse(run.scene) for run in found]) | _options(found)
-    names = _names([run.folder for run in found])
+    columns = differing([Scene.parse(run.scene) for run in results]) | _options(results)
+    names = _names([run.folder for run in results])
     rows = GrowingTable()
-    for place, (name, run) in enumerate(zip(names, found, strict=True)):
+    for place, (name, run) in enumerate(zip(names, results, strict=True)):
         rows.add(name, {key: values[place] for key, values in columns.items()}, run)
-    return RunComparison(rows.table, tuple(found))
+    return RunComparison(rows.table, tuple(results))
 
 
 def _options(runs: Sequence[Result]) -> dict[str, list[object]]:
@@ -122,9 +132,27 @@ def _options(runs: Sequence[Result]) -> dict[str, list[object]]:
 def _names(folders: Sequence[Path]) -> list[str]:
     """The last parts of the folders' paths, as many as tell them apart; ? for a byte that is not UTF-8."""
     parts = [Path(str(folder.absolute()).encode(errors="replace").decode()).parts for folder in folders]
-    deep = max(len(one) for one in parts)
-    for count in range(1, deep + 1):
-        names = ["/".join(one[-count:]) for one in parts]
+    for count in range(1, max(map(len, parts)) + 1):
+        names = ["/".join(folder[-count:]) for folder in parts]
         if len(set(names)) == len(names):
             return names
     return [str(folder) for folder in folders]
+
+
+def beside_trays(folder: Path, file: Path) -> Agreement:
+    """How a finished run agrees with the measured shares of a CSV file. Raises SceneError as reading either does."""
+    return agreement_in(Result.load(folder), Measured.of(read_trays(file)))
+
+
+def write_agreement(agreement: Agreement, folder: Path) -> tuple[Path, Path]:
+    """Write the table and the picture of an agreement, agreement.csv and measured.png; returns both."""
+    from ..show.canvas import saved
+    from ..show.figures.budget_figures import draw_measured
+
+    table, figure = folder / "agreement.csv", folder / "measured.png"
+    files = [table, *saved(figure)]
+    sums.refuse_foreign(made_folder(folder), files, "trays")
+    with sums.writing(folder, lambda: files, "trays"):
+        agreement.cells().write_csv(table)
+        draw_measured(figure, agreement)
+    return table, figure

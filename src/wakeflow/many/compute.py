@@ -107,12 +107,12 @@ def look_ahead(
     listener: Listener = null_listener,
 ) -> SweepEstimate:
     """What :func:`sweep` would have to do; starts nothing. Raises SceneError as it does."""
-    found, request = _variants(scenes), Request.of(None, rung, force, target_error)
-    agenda = make_agenda(found, path_of(out, "out"), request, neighbours=neighbours, listener=listener)
+    given, request = _variants(scenes), Request.of(None, rung, force, target_error)
+    agenda = make_agenda(given, path_of(out, "out"), request, neighbours=neighbours, listener=listener)
     airflows = sum(step.airflow for step in agenda.steps)
     flights = len(agenda.steps) - airflows
-    before = len(found) - flights - len(agenda.problems)
-    return SweepEstimate(len(found), before, agenda.problems, airflows, flights, agenda.seconds, agenda.disk)
+    before = len(given) - flights - len(agenda.problems)
+    return SweepEstimate(len(given), before, agenda.problems, airflows, flights, agenda.seconds, agenda.disk)
 
 
 def sweep(
@@ -145,7 +145,7 @@ def sweep(
     """
     from filelock import FileLock, Timeout
 
-    found, (listener, _) = _variants(scenes), as_listener(listener)
+    given, (listener, _) = _variants(scenes), as_listener(listener)
     _check_workers(workers, scheduler)
     count, request = workers or cores(), Request.of(None, rung, force, target_error)
     folder = _folder_of(out)
@@ -155,11 +155,11 @@ def sweep(
             listener("sweep", "planning")
             with executor_on(scheduler, count, folder) as executor:
                 agenda = make_agenda(
-                    found, folder, request, threads=partial(_threads, executor), report=report, neighbours=neighbours,
+                    given, folder, request, threads=partial(_threads, executor), report=report, neighbours=neighbours,
                     listener=listener,
                 )  # fmt: skip
                 _check_disk(agenda, folder)
-                rows = _Rows(folder, found, agenda)
+                rows = _Rows(folder, given, agenda)
                 with sums.writing(folder, partial(_tables, folder), COMMAND):
                     at_once = executor.size if isinstance(executor, Cluster) else count
                     do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended, at_once)
@@ -236,40 +236,33 @@ class _Rows:
     agenda: Agenda
 
     def __post_init__(self) -> None:
-        self.rows = GrowingTable()
-        self.written = time.monotonic()
+        self.rows, self.written = GrowingTable(), time.monotonic()
+        self.by_name = {variant.name: variant for variant in self.variants}
         todo = {step.name for step in self.agenda.steps}
-        for one in self.variants:
-            problem = self.agenda.problems.get(one.name)
-            if problem is not None:
-                self._fail(one, problem)
-            elif one.name in todo:
-                self.rows.entries[one.name] = Entry(one.name, one.inputs, OPEN)
+        for name, variant in self.by_name.items():
+            if name in todo:
+                self.rows.entries[name] = Entry(name, variant.inputs, OPEN)
             else:
-                self._read(one)
+                self._take(name, self.agenda.problems.get(name, ""))
 
     def ended(self, step: Step, problem: str) -> None:
         """Take in what a step has left."""
-        one = next((variant for variant in self.variants if variant.name == step.name), None)
-        if step.airflow or one is None:
+        if step.airflow:
             return
-        if problem:
-            self._fail(one, problem)
-        else:
-            self._read(one)
+        self._take(step.name, problem)
         if time.monotonic() - self.written >= WRITE_EVERY:
             self.rows.table.tidy().write_csv(self.folder / TABLE)
             self.written = time.monotonic()
 
-    def _read(self, one: Variant) -> None:
-        result = finished(self.folder / one.name, self.agenda.stamps[one.name])
+    def _take(self, name: str, problem: str) -> None:
+        """What there is of a scene: its numbers, or the ``problem`` for which it has none."""
+        inputs = self.by_name[name].inputs
+        result = None if problem else finished(self.folder / name, self.agenda.stamps[name])
         if result is None:
-            self._fail(one, f"its result in {one.name} cannot be read")
+            problem = problem or f"its result in {name} cannot be read"
+            self.rows.entries[name] = Entry(name, inputs, FAILED, problem)
         else:
-            self.rows.add(one.name, one.inputs, result)
-
-    def _fail(self, one: Variant, problem: str) -> None:
-        self.rows.entries[one.name] = Entry(one.name, one.inputs, FAILED, problem)
+            self.rows.add(name, inputs, result)
 
     def finish(self, *, figures: bool) -> Sweep:
         """Write the tables and draw the ``figures``."""

@@ -62,17 +62,17 @@ class TaskFile:
 
     def inside(self, key: str) -> JsonMapping:
         """The table ``key`` of the table; empty where there is none. Raises SceneError where it is something else."""
-        found = self.table.get(key, {})
-        if not isinstance(found, Mapping):
-            raise SceneError(f"{self.kind}.{key} = {found!r}: must be a table")
-        return found
+        table = self.table.get(key, {})
+        if not isinstance(table, Mapping):
+            raise SceneError(f"{self.kind}.{key} = {table!r}: must be a table")
+        return table
 
-    def whole_number(self, key: str, least: int = 0) -> int | None:
-        """The number ``key``; None where none is given. Raises SceneError where it is not whole or below ``least``."""
-        found = self.table.get(key)
-        if found is not None and (not isinstance(found, int) or isinstance(found, bool) or found < least):
-            raise SceneError(f"{self.kind}.{key} = {found!r}: give a whole number of at least {least}")
-        return found
+    def whole_number(self, key: str, least: int = 0) -> int:
+        """The number ``key``; 0 where none is given. Raises SceneError where it is not whole or below ``least``."""
+        number = self.table.get(key, 0)
+        if key in self.table and (not isinstance(number, int) or isinstance(number, bool) or number < least):
+            raise SceneError(f"{self.kind}.{key} = {number!r}: give a whole number of at least {least}")
+        return int(number)
 
 
 def holds_task(path: Path | str, kind: str) -> bool:
@@ -159,15 +159,15 @@ def variants(
     tables = load(before).tables()  # a base that is wrong is the caller's mistake, not a variant's; so is a wrong key
     for key in keys:
         refuse_unknown(key, tables, key)
-    rows, found = designs[design](axes, count or 0, seed), []
+    rows, made = designs[design](axes, count or 0, seed), []
     for number, changes in enumerate(rows, 1):
         if number % SCENES_PER_LINE == 0 and listener is not None:
             listener("sweep", f"reading scene {number} of {len(rows)}")
-        found.append(_variant(load, before, changes, axes))
-    return named(found)
+        made.append(_variant(load, before, changes, axes))
+    return named(made)
 
 
-def asked_for(
+def read_scenes(
     file: Path, settings: Sequence[str], design: str, count: int | None, seed: int, listener: Listener = null_listener
 ) -> tuple[list[Variant], str]:
     """The scenes of a sweep file, or of a scene file changed by ``settings``; and a name for the folder: the file's,
@@ -177,10 +177,10 @@ def asked_for(
     """
     keys = [axis_of_text(text).key for text in settings]
     if holds_task(file, "sweep"):
-        found = read_sweep_file(file, changes_of(settings), listener)
+        made = read_sweep_file(file, changes_of(settings), listener)
     else:
-        found = _distinct(variants(file, settings, design=design, count=count, seed=seed, listener=listener))
-    return found, "+".join((stem_name(file.stem), *keys))
+        made = _distinct(variants(file, settings, design=design, count=count, seed=seed, listener=listener))
+    return made, "+".join((stem_name(file.stem), *keys))
 
 
 def _variant(
@@ -202,28 +202,28 @@ def _variant(
     return replace(made, inputs=inputs)
 
 
-def _distinct(found: Iterable[Variant]) -> list[Variant]:
+def _distinct(every: Iterable[Variant]) -> list[Variant]:
     """The variants without those whose scene is an earlier one's too, as of 80 mm and 0.08 m."""
     first: dict[str, Variant] = {}
-    for one in found:
-        whole = one.inputs if one.scene is None else flat(one.scene.tables())
+    for variant in every:
+        whole = variant.inputs if variant.scene is None else flat(variant.scene.tables())
         rounded = {key: float(f"{v:.{DIGITS}g}") if isinstance(v, float) else v for key, v in whole.items()}
-        first.setdefault(repr(rounded), one)
+        first.setdefault(repr(rounded), variant)
     return list(first.values())
 
 
-def named(found: Sequence[Variant]) -> list[Variant]:
+def named(every: Sequence[Variant]) -> list[Variant]:
     """The same variants, those without a name called after their inputs; no name is taken twice."""
     result: list[Variant] = []
     taken: set[str] = set()
-    for one in found:
-        wanted = one.name or folder_name(one.inputs) or UNCHANGED
+    for variant in every:
+        wanted = variant.name or folder_name(variant.inputs) or UNCHANGED
         name, number = wanted, 1
         while name in taken:
             number += 1
             name = f"{wanted}-{number}"
         taken.add(name)
-        result.append(replace(one, name=name))
+        result.append(replace(variant, name=name))
     return result
 
 
@@ -252,7 +252,7 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
 
 
 def read_sweep_file(
-    path: Path | str, fixed: Mapping[str, object] | None = None, listener: Listener = null_listener
+    path: Path | str, fixed: Mapping[str, object] = {}, listener: Listener = null_listener
 ) -> list[Variant]:
     """The scenes of a sweep file: [sweep] with scene (a path relative to the file), design, count, seed, and the tables
     [sweep.over] of keys to change and [sweep.set] of keys that are the same in all; ``fixed`` overrides the latter.
@@ -260,9 +260,9 @@ def read_sweep_file(
     Raises SceneError where the file is no sweep.
     """
     with TaskFile.open(path, "sweep", KNOWN) as file:
-        found = variants(
+        made = variants(
             file.scene, file.inside("over"), design=file.table.get("design", "grid"),
-            count=file.whole_number("count"), seed=file.whole_number("seed") or 0,
-            fixed={**flat(file.inside("set")), **(fixed or {})}, listener=listener,
+            count=file.whole_number("count", least=1) or None, seed=file.whole_number("seed"),
+            fixed={**flat(file.inside("set")), **fixed}, listener=listener,
         )  # fmt: skip
-        return _distinct(found)
+        return _distinct(made)

@@ -197,7 +197,6 @@ def _bounced(scene: Scene, name: str, radius: Array, v: Complex, normal: Array |
     ways = v.real, v.imag, normal.real, normal.imag, 0.0, 0.0
     e = restitution_at(granule.restitution, approach_speed(*ways))
     vx, vy, *_ = collide(
-        *ways[:2], 0.0, *ways[2:], e, granule.friction,
-        0.0 if fraction.inertia is None else 1.0 / fraction.inertia, radius,
+        *ways[:2], 0.0, *ways[2:], e, granule.friction, 1.0 / fraction.inertia, radius,
     )  # fmt: skip
     return np.asarray(vx + 1j * vy)

@@ -325,6 +325,6 @@ def ejection_speed(scene: Scene, fraction: Fraction, arrival: float) -> float:
     middle = restitution_at(granule.restitution, arrival * up)
     kick = (1.0 + (middle if restitutions is None else restitutions[0])) * up
     slowed = kick * up * (granule.friction if frictions is None else frictions[1])
-    if fraction.inertia is not None:
+    if math.isfinite(fraction.inertia):
         slowed = np.minimum(slowed, across * up / (1.0 + 1.0 / fraction.inertia))
     return float(np.maximum(kick * across - slowed, 0.0).max())

@@ -143,7 +143,7 @@ def _rebound_words(scene: Scene, name: str) -> str:
         parts.append(f"scatter {fraction.properties.rebound_scatter:.2g} rad")
     if fraction.properties.tangential_restitution:
         parts.append(f"tangential restitution {fraction.properties.tangential_restitution:.2g}")
-    turns = "does not turn" if fraction.inertia is None else f"turns with I / (m r^2) {fraction.inertia:.2g}"
+    turns = "does not turn" if math.isinf(fraction.inertia) else f"turns with I / (m r^2) {fraction.inertia:.2g}"
     if fraction.flake:
         turns = "turns as a flake, by chance"
     return f"; rebounds with {', '.join(parts)}, {turns}"

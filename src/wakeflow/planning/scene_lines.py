@@ -240,7 +240,7 @@ def body_checks(scene: Scene) -> Iterator[Notice]:
         for kind, fraction in scene.fraction.items():
             friction = fraction.properties.friction
             held = slopes[(slopes > 0.0) & (slopes <= friction)]
-            if len(held) and (fraction.inertia is None or fraction.flake):  # what can roll, does
+            if len(held) and (math.isinf(fraction.inertia) or fraction.flake):  # what can roll, does
                 angle = math.degrees(math.atan(float(held[-1])))
                 yield less_sure(
                     f"body.{name}: friction {friction:g} holds {kind} on its faces of up to {angle:.3g} deg unless "

@@ -26,8 +26,8 @@ from ..core.number import Most
 from ..core.record import column
 from ..core.registry import Registry, did_you_mean
 from ..laws.forces import Bound, FlightScales, forces
-from ..laws.forces.fluctuations import eddy_way
 from ..laws.forces.force import SIDEWAYS
+from ..laws.forces.records import eddy_way
 from ..laws.turbulence import has_no_turbulence
 from ..scene import Fraction, Scene
 from .collisions import why_no_collisions
@@ -80,10 +80,9 @@ class _Bounds(Mapping[str, Bound]):
     """The bounds by term: of every registered force that may be left out, then of the other terms."""
 
     def __getitem__(self, term: str) -> Bound:
-        bound = forces[term].bound if term in forces else other_terms[term]
-        if bound is None:
+        if term in forces and forces[term].always:
             raise KeyError(term)
-        return bound
+        return forces[term].bound if term in forces else other_terms[term]
 
     def __iter__(self) -> Iterator[str]:
         yield from (term for term in forces if not forces[term].always)
@@ -278,7 +277,7 @@ class TermGate:
         if term not in forces:
             return "not computed in this version"
         return forces[term].blocked(
-            laminar=has_no_turbulence(self.turbulence), point_mass=fraction.inertia is None
+            laminar=has_no_turbulence(self.turbulence), point_mass=math.isinf(fraction.inertia)
         )  # fmt: skip
 
     def _refusal(self, name: str, term: str, shift: float) -> str:

@@ -22,7 +22,7 @@ from ..core.registry import Registry
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity
 from ..laws.driven_jet import ENTRAINMENT
-from ..laws.forces.lift_forces import SPIN_LIFT
+from ..laws.forces.records import SPIN_LIFT
 from ..laws.lift import MAGNUS_RANGE
 from ..laws.material import WET, Moisture, default_margins, materials
 from ..laws.restitution import Restitution
@@ -150,7 +150,7 @@ def _unknown(
         own = default.half(value, confidence, scene.width)
         why = f"default ({how} uncertainty; {default.status})"
         lot = (scene.fraction[fraction].material or "") if fraction and confidence != GIVEN else ""
-        if lot and (half := materials[lot].half_of(entry)) is not None:
+        if lot and not math.isnan(half := materials[lot].half_of(entry)):
             own, why = half * value / getattr(materials[lot], entry), f"material {lot}"
         causes = _causes(entry, lot, own, default.of_plate(value), lambda how: default.half(value, how, scene.width))
     elif isinstance(own, str):
@@ -317,7 +317,7 @@ def _restitution(fraction: Fraction) -> float:
 
 def _inverse_inertia(fraction: Fraction) -> float:
     """m r^2 / I; 0 of granules that do not turn."""
-    return 0.0 if fraction.inertia is None else 1.0 / fraction.inertia
+    return 1.0 / fraction.inertia
 
 
 def _settling(scene: Scene, plan: Plan) -> Iterator[Unknown]:

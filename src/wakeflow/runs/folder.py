@@ -97,7 +97,7 @@ def drawn_ahead(pipeline: Pipeline, seen: AirAndTracks, *, pdf: bool) -> list[Pa
     scene, found = pipeline.scene, list[Path]()
     if seen.field is not None:
         asked = scene.numerics.snapshots, scene.symmetric, version_of("pyvista")
-        key = content_key("vtk", pipeline.field[0], *asked, code_of("show.vtk.vtk_files"))
+        key = content_key("vtk", pipeline.field[0], *asked, code_of("show.vtk"))
         work = partial(write_field, field=seen.field, scene=scene, airflow=seen.airflow)
         found.append(pipeline.cache.make("vtk", key, work))
     drawn_by = code_of("show.figures", "show.vtk"), version_of("pyvista"), version_of("matplotlib")

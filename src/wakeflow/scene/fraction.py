@@ -195,7 +195,7 @@ class Fraction(Table):
             self._middle(name)
         if self.flake and not self._dimensions:
             raise SceneError("impact = 'flake' needs dimensions = [length, width, thickness]")
-        if self.tangential_restitution and self.inertia is None:
+        if self.tangential_restitution and math.isinf(self.inertia):
             raise SceneError("tangential_restitution is of granules that turn; give an impact model or inertia too")
         if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
             verb = "has no" if self.sphericity is not None else "needs a"
@@ -245,7 +245,7 @@ class Fraction(Table):
             confidence=source.confidence,
             source=source.source,
             rebound_scatter=self._of_shape("rebound_scatter"),
-            tangential_restitution=self._of_shape("tangential_restitution") if self.inertia is not None else 0.0,
+            tangential_restitution=self._of_shape("tangential_restitution") if math.isfinite(self.inertia) else 0.0,
             impact=self.impact_model,
         )
 
@@ -307,8 +307,8 @@ class Fraction(Table):
         return self.impact or self._source.impact
 
     @property
-    def inertia(self) -> float | None:
-        """I / (m r^2): given, or its impact model's; None for a point mass, which does not turn."""
+    def inertia(self) -> float:
+        """I / (m r^2): given, or its impact model's; infinite for a point mass, which does not turn."""
         return impact_models[self.impact_model].inertia if self.own_inertia is None else self.own_inertia
 
     @property
@@ -318,7 +318,7 @@ class Fraction(Table):
 
     @property
     def _dimensions(self) -> Sequence[float]:
-        return self.dimensions or self._source.dimensions or ()
+        return self.dimensions or self._source.dimensions
 
     @property
     def shape(self) -> Array:

@@ -24,7 +24,7 @@ from ..core.files import own_path, path_of
 from ..core.number import Number
 from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
-from ..core.sheets import read_sheet
+from ..core.tables import read_sheet
 from .table import RESERVED_BIN, SHARE, Name, Table
 from .uncertainty import SIGMAS
 
@@ -205,7 +205,7 @@ def _of_fraction(trays: Sequence[Tray]) -> tuple[Array, Array]:
 
 # -- The file ----------------------------------------------------------------------------------------------------------
 def read_trays(path: Path | str) -> list[Tray]:
-    """The trays of a CSV file, as :func:`~wakeflow.core.sheets.read_sheet` reads it: a line a tray under the heads
+    """The trays of a CSV file, as :func:`~wakeflow.core.tables.read_sheet` reads it: a line a tray under the heads
     fraction, bin, uncertainty and share, mass or count, in any order; a last line that is their sum does not count.
 
     Raises SceneError, one line that names the line of the file, for what cannot be read.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -14,9 +14,9 @@ from ..core.files import own_path, read_toml
 from ..core.foam_text import Entries, read_entries
 from ..core.quantities import quantity, split_quantity
 from ..core.record import JsonMapping, JsonTable
-from ..core.sheets import Sheet, read_sheet
+from ..core.registry import Registry
+from ..core.tables import Sheet, read_sheet
 from ..laws.material import Material, materials, read_material
-from .drawing import with_drawings
 from .machine import Air
 from .overrides import share_in
 
@@ -80,7 +80,7 @@ def _as_fraction(which: object, material: Material, table: Mapping[str, object])
     if material.terminal_velocity is not None and "sphericity" not in table:
         values["terminal_velocity"] = _spread(material, "terminal_velocity")
     values |= {key: _known(material, key, value) for key in SHAPED if (value := getattr(material, key))}
-    if material.dimensions is not None:
+    if material.dimensions:
         values["dimensions"] = list(material.dimensions)
     if "inertia" in table:
         del values["impact"]
@@ -107,12 +107,12 @@ def with_own_files(data: JsonMapping, base: Path) -> JsonMapping:
     that results tell what was computed; with the full path of the user's case, and what that says of its air where the
     scene does not give it.
 
-    Raises SceneError as :func:`read_samples`, :func:`find_case` and :func:`with_drawings` do.
+    Raises SceneError as :func:`read_samples`, :func:`find_case` and the reader of a drawing do.
     """
     keys = "air", "vibration", "report", "body", "fraction"
     air, vibration, report, bodies, fractions = (data.get(key) for key in keys)
     if isinstance(bodies, Mapping):
-        data = {**data, "body": with_drawings(bodies, base)}
+        data = {**data, "body": {name: _drawn(name, table, base) for name, table in bodies.items()}}
     if isinstance(report, Mapping) and isinstance(report.get("logo"), str):
         data = {**data, "report": {**report, "logo": str(_logo(report["logo"], base))}}
     if isinstance(air, Mapping) and isinstance(air.get("case"), str):
@@ -122,6 +122,28 @@ def with_own_files(data: JsonMapping, base: Path) -> JsonMapping:
     if isinstance(vibration, Mapping) and isinstance(vibration.get("samples"), str):
         data = {**data, "vibration": {**vibration, "samples": read_samples(vibration["samples"], base)}}
     return data
+
+
+# A drawing's file, what its path is relative to, its unit and layer, to corners (m); in the registry under DXF
+OutlineReader = Callable[[str, Path, object, object], list[list[float]]]
+DXF = "dxf"
+drawings: Registry[OutlineReader] = Registry("kind of drawing", extended=True)
+
+
+def _drawn(name: object, table: object, base: Path) -> object:
+    """The table of a body, with the corners of its drawing in place of the name of one. Raises SceneError as the reader
+    does, with the body's name, and where the body has another shape too.
+    """
+    if not isinstance(table, Mapping) or not isinstance(file := table.get("outline"), str):
+        return table
+    if table.get("shape", "polygon") != "polygon" or "points" in table:
+        raise SceneError(f"body.{name}: outline = {file!r} is its shape; delete shape and points")
+    try:
+        points = drawings[DXF](file, base, table.get("outline_unit"), table.get("outline_layer"))
+    except SceneError as problem:
+        raise SceneError(f"body.{name}: {problem}") from None
+    others = {key: value for key, value in table.items() if key not in ("outline", "outline_unit", "outline_layer")}
+    return {"shape": "polygon", **others, "points": points}
 
 
 def _sieved(name: object, table: object, base: Path) -> object:
@@ -162,7 +184,7 @@ def _of_case(air: JsonMapping, base: Path) -> JsonTable:
 # -- A file of measured vibration --------------------------------------------------------------------------------------
 def read_samples(given: str, base: Path) -> dict[str, list[float]]:
     """Times (s) and accelerations (m/s2) of a CSV file, its path relative to ``base``: two numbers a line, as
-    :func:`~wakeflow.core.sheets.read_sheet` reads them; lines before the first number are headings, of which the last
+    :func:`~wakeflow.core.tables.read_sheet` reads them; lines before the first number are headings, of which the last
     may name other units, such as time (ms) and acceleration (g).
 
     Raises SceneError for a file that cannot be read, and for a line that is not two numbers, naming it.

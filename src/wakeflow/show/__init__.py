@@ -100,7 +100,7 @@ def pictures_of(folder: Path) -> dict[str, PictureSummary]:
     """What the [picture.NAME] of a finished report hold, by name; empty without any, or when a file of them is gone."""
     from . import asked_pictures as pictures
 
-    return pictures.found(folder / "figures")
+    return pictures.finished_pictures(folder / "figures")
 
 
 def is_whole(folder: Path, names: Iterable[str] = ()) -> bool:
@@ -116,8 +116,8 @@ def report_files(folder: Path) -> list[Path]:
     from . import vtk
     from .figures import figure_files
 
-    own = (folder / name for name in (*LASTING, *AT_TIMES, *vtk.FILES))
-    return [*(path for path in own if path.exists()), *vtk.pieces(folder), *figure_files(folder / "figures")]
+    files = (folder / name for name in (*LASTING, *AT_TIMES, *vtk.FILES))
+    return [*(path for path in files if path.exists()), *vtk.pieces(folder), *figure_files(folder / "figures")]
 
 
 def added_files(folder: Path) -> list[Path]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,13 +63,18 @@ def at_moments(field: FlowField, count: int) -> tuple[Array, Iterator[FlowField]
     return times, (_at_time(field, float(time)) for time in times)
 
 
-def _at_time(field: FlowField, time: float) -> FlowField:
+def frozen(field: FlowField, time: float) -> FlowField:
+    """The steady field that one in time is at a ``time`` (s), on the mesh at rest."""
     weights = field.weights(time)
     state = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
+    return replace(state, times=None, period=None, coefficients=None, truncation=None)
+
+
+def _at_time(field: FlowField, time: float) -> FlowField:
+    state = frozen(field, time)
     k = None if state.k is None else np.maximum(state.k, 0.0)  # the modes left out may be more than all of it
     moved = 0.0 if field.motion is None else field.motion.displacement(time)
-    steady: dict[str, Any] = dict.fromkeys(("times", "period", "coefficients", "truncation", "motion"))
-    return replace(state, points=field.points + moved, k=k, **steady)
+    return replace(state, points=field.points + moved, k=k, motion=None)
 
 
 def trace_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGrid) -> None:
@@ -83,9 +88,12 @@ def trace_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGri
     if step <= 0.0:
         return
     outline = inside_window(mean.points, window) & _on_solids(mean)
-    own = _levels_of_bodies(psi[outline], step) if outline.any() else [float(np.median(here))]
-    whole = np.arange(np.ceil((here.min() - own[0]) / step), np.floor((here.max() - own[0]) / step) + 1) * step + own[0]
-    slow = [level + sign * part * step for level in own for part in (0.0, *SLOW) for sign in (1.0, -1.0)]
+    walls = _levels_of_bodies(psi[outline], step) if outline.any() else [float(np.median(here))]
+    whole = (
+        np.arange(np.ceil((here.min() - walls[0]) / step), np.floor((here.max() - walls[0]) / step) + 1) * step
+        + walls[0]
+    )
+    slow = [level + sign * part * step for level in walls for part in (0.0, *SLOW) for sign in (1.0, -1.0)]
     levels = np.unique(np.concatenate([whole, slow]))
     lines = axes.tricontour(
         triangulation(mean), psi, levels=levels, colors=INK_OF_LINES, linewidths=0.45, linestyles="solid"
@@ -103,13 +111,13 @@ def _levels_of_bodies(psi: Array, step: float) -> list[float]:
 
 def _on_solids(mean: FlowField) -> NDArray[np.bool_]:
     """Nodes (N,) on a boundary at which the air stands still, the channel's walls left out."""
-    found = np.zeros(len(mean.points), dtype=bool)
-    found[mean.boundary] = True
+    on_boundary = np.zeros(len(mean.points), dtype=bool)
+    on_boundary[mean.boundary] = True
     x = mean.points[:, 0]
     inside = (x > x.min() + 1e-3 * np.ptp(x)) & (x < x.max() - 1e-3 * np.ptp(x))
     y = mean.points[:, 1]
     within = (y > y.min() + 1e-3 * np.ptp(y)) & (y < y.max() - 1e-3 * np.ptp(y))
-    return np.asarray(found & inside & within)
+    return np.asarray(on_boundary & inside & within)
 
 
 def _arrows(axes: Axes, lines: list[Array], grid: PlotGrid, window: Window) -> None:

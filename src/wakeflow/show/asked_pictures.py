@@ -66,7 +66,7 @@ class View:
 pictures = Registry[Callable[[View], PictureFiles]]("kind of picture", extended=True)
 
 
-__all__ = ["PictureFiles", "View", "clear_pictures", "draw_all", "found", "pictures"]
+__all__ = ["PictureFiles", "View", "clear_pictures", "draw_all", "finished_pictures", "pictures"]
 
 LIST = "pictures.json"  # beside the pictures: what was drawn, so that nothing else is ever removed
 
@@ -90,11 +90,11 @@ def draw_all(folder: Path, outcome: Outcome) -> dict[str, PictureSummary]:
 
 def _beside(files: list[Path]) -> list[Path]:
     """What :func:`.canvas.save` left beside each PNG, but what the picture told itself."""
-    found = (path.with_suffix(suffix) for path in files if path.suffix == ".png" for suffix in SUFFIXES)
-    return [path for path in found if path not in files and path.exists()]
+    left = (path.with_suffix(suffix) for path in files if path.suffix == ".png" for suffix in SUFFIXES)
+    return [path for path in left if path not in files and path.exists()]
 
 
-def found(folder: Path) -> dict[str, PictureSummary]:
+def finished_pictures(folder: Path) -> dict[str, PictureSummary]:
     """What ``draw_all`` left in a folder; empty where it left nothing or a file of it is gone."""
     drawn = _listed(folder)
     whole = all((folder / file).exists() for picture in drawn.values() for file in picture.files)
@@ -112,8 +112,8 @@ def clear_pictures(folder: Path) -> None:
 def _listed(folder: Path) -> dict[str, PictureSummary]:
     try:
         table = read_json(folder / LIST)
-        told = {name: from_json(PictureSummary, picture, LIST) for name, picture in table.items()}
+        listed = {name: from_json(PictureSummary, picture, LIST) for name, picture in table.items()}
     except (OSError, SceneError, AttributeError):  # none were drawn, or the list is damaged: they are drawn again
         return {}
-    inside = all(file == Path(file).name for picture in told.values() for file in picture.files)
-    return told if inside else {}
+    inside = all(file == Path(file).name for picture in listed.values() for file in picture.files)
+    return listed if inside else {}

@@ -107,19 +107,18 @@ def canvas(window: Window, paper: Paper = "") -> tuple[AnyFigure, Axes, float]:
     return axes.figure, axes, scale
 
 
-def frame(axes: Axes, window: Window, margin: Mapping[str, float] | None = None) -> None:
-    """Limits: the window, and room (m) beside it for the names of bins."""
+def frame(axes: Axes, window: Window, margin: Mapping[str, float] = {}) -> None:
+    """Limits: the window, and room (m) beside it for the names of bins, which stand outside of its frame."""
     from matplotlib.ticker import MaxNLocator
 
-    room = margin or {}
-    axes.set_xlim(MM * (window[0] - room.get("left", 0.0)), MM * (window[1] + room.get("right", 0.0)))
-    axes.set_ylim(MM * (window[2] - room.get("floor", 0.0)), MM * (window[3] + room.get("top", 0.0)))
+    axes.set_xlim(MM * (window[0] - margin.get("left", 0.0)), MM * (window[1] + margin.get("right", 0.0)))
+    axes.set_ylim(MM * (window[2] - margin.get("floor", 0.0)), MM * (window[3] + margin.get("top", 0.0)))
     axes.set_xlabel("x (mm)")
     axes.set_ylabel("y (mm)")
     axes.tick_params(labelsize=8)
     count = max(2, round(TICKS * (window[1] - window[0]) / (window[3] - window[2])))
     axes.xaxis.set_major_locator(MaxNLocator(count, steps=[1, 2, 2.5, 5, 10]))
-    if margin is not None:
+    if margin:
         axes.spines[:].set_visible(False)
         for ticks, set_ticks, (low, high) in (
             (axes.get_xticks(), axes.set_xticks, window[:2]),
@@ -262,7 +261,7 @@ def pdf_too(wanted: bool = True) -> Iterator[None]:
         _pdf_too.reset(token)
 
 
-def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None = None) -> None:
+def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] = {}) -> None:
     """Write a figure to ``paper`` (.png) and as SVG next to it, cut to what is drawn, and the ``data`` that it shows:
     CSV where they are columns of one table, else NPZ. Names of data carry their units. Every file is whole or absent.
     As PDF too within :func:`pdf_too`. Writes nothing where the drawing is on axes or a figure that were handed
@@ -277,7 +276,7 @@ def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None =
     root.draw_without_rendering()  # laid out once, not again for every format
     root.set_layout_engine(None)
     drawn = root.get_tightbbox().padded(MARGIN)
-    undated: dict[str, dict[str, object] | None] = {".png": None, ".svg": {"Date": None}}
+    undated: dict[str, dict[str, object]] = {".png": {}, ".svg": {"Date": None}}
     if _pdf_too.get():
         undated[".pdf"] = {"CreationDate": None}
     # text stays text; a figure is alike whenever it is drawn
@@ -285,7 +284,7 @@ def save(figure: AnyFigure, paper: Paper, data: Mapping[str, ArrayLike] | None =
         for suffix, metadata in undated.items():
             with atomic_write(path.with_suffix(suffix), "wb") as stream:
                 root.savefig(stream, format=suffix[1:], bbox_inches=drawn, metadata=metadata)
-    if data is not None:
+    if data:
         _save_data(path, {name: np.asarray(values) for name, values in data.items()})
 
 
@@ -354,9 +353,9 @@ def fraction_colours(names: Sequence[str]) -> dict[str, str]:
     """One colour a fraction, by its name: that of :data:`KNOWN`, else one that the name alone decides, or the next that
     no other of ``names`` has. Beyond nine fractions colours come again.
     """
-    found = {name: KNOWN[name] for name in names if name in KNOWN}
-    for name in sorted(set(names) - set(found)):
+    chosen = {name: KNOWN[name] for name in names if name in KNOWN}
+    for name in sorted(set(names) - set(chosen)):
         first = zlib.crc32(name.encode()) % len(COLOURS)
         turns = [COLOURS[(first + i) % len(COLOURS)] for i in range(len(COLOURS))]
-        found[name] = next((colour for colour in turns if colour not in found.values()), turns[0])
-    return {name: found[name] for name in names}
+        chosen[name] = next((colour for colour in turns if colour not in chosen.values()), turns[0])
+    return {name: chosen[name] for name in names}

@@ -1,5 +1,5 @@
 """Figures of many results at once: lines with whiskers over an input, maps over two, purity against recovery;
-those that suit a table, drawn into its folder, and recovery over purity of dividers.
+those that suit a table, drawn into its folder.
 """
 
 from __future__ import annotations
@@ -16,14 +16,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..answer.dividers import Dividers
 from ..answer.result import VOID
-from ..answer.result_table import Entry, ResultTable, TableQuantity
+from ..answer.result_table import OPEN, Entry, ResultTable, TableQuantity
 from ..core import sums
 from ..core.errors import SceneError
-from ..core.number import UNKNOWN_ERROR, UNKNOWN_SPAN, Number
-from ..core.tables import CellTable
-from .canvas import COLOURS, INK, fraction_colours, new_figure, save, saved, text_width
+from ..core.number import NO_VALUE, UNKNOWN_ERROR, UNKNOWN_SPAN
+from .canvas import INK, fraction_colours, new_figure, save, saved, text_width
 from .plan_words import UNITS
 
 if TYPE_CHECKING:
@@ -48,6 +46,7 @@ MAX_NUMBERED_SCENES = 8  # scenes whose points have their numbers
 SHORT = 40  # letters of what such a scene is
 CLOSE = 0.035  # of an axis: numbers at points that are no further from each other are written as one
 SPREAD = 0.3  # of the least distance between two values of an input: over it stand the whiskers that belong to one,
+NOTHING, ABSENT = TableQuantity(math.nan, name="", unit=""), Entry("", {}, OPEN)  # of a grid's empty place
 WIDE = 0.15  # but over no more of the whole range: whiskers must be seen to belong together
 
 
@@ -59,13 +58,14 @@ def main_quantities(table: ResultTable) -> list[str]:
     wanted += [f"purity.{place}.{fraction}" for fraction, places in table.targets.items() for place in places]
     wanted += [f"loss.{fraction}" for fraction in table.targets]
     wanted += dict.fromkeys(f"dirt.{place}" for places in table.targets.values() for place in places)
-    found = [name for name in ("money.total", *wanted) if name in table.names]
-    return found or [name for name in table.names if name.startswith("share.") and not name.endswith(".elsewhere")]
+    there = [name for name in ("money.total", *wanted) if name in table.names]
+    return there or [name for name in table.names if name.startswith("share.") and not name.endswith(".elsewhere")]
 
 
 def numeric_inputs(table: ResultTable) -> list[str]:
     """The inputs that are numbers and take more than one value among the scenes that are done."""
-    return [key for key in table.inputs if len({_number(entry, key) for entry in table.done} - {None}) > 1]
+    values = {key: {_number(entry, key) for entry in table.done} - {math.nan} for key in table.inputs}
+    return [key for key in table.inputs if len(values[key]) > 1]
 
 
 def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -> None:
@@ -104,9 +104,9 @@ class _Legend(NamedTuple):
 
     @classmethod
     def of(cls, looks: Mapping[str, _Look], styles: Mapping[str, LineStyleType]) -> _Legend:
-        told = {shorten(rest, LONGEST, placeholder=" ..."): style for rest, style in styles.items() if rest}
-        widest = max(text_width(text, LETTERS) for text in (*looks, *told))
-        return cls(looks, told, max(1, int(PANEL / (widest + SAMPLE))))
+        labels = {shorten(rest, LONGEST, placeholder=" ..."): style for rest, style in styles.items() if rest}
+        widest = max(text_width(text, LETTERS) for text in (*looks, *labels))
+        return cls(looks, labels, max(1, int(PANEL / (widest + SAMPLE))))
 
     @property
     def rows(self) -> int:
@@ -148,10 +148,10 @@ def _shifts(panel: Mapping[str, _Lines]) -> dict[str, dict[str, float]]:
     room = 0.0
     if len(values) > 1 and len(lines) > 1:
         room = float(min(SPREAD * np.diff(values).min(), WIDE * np.ptp(values)))
-    found: dict[str, dict[str, float]] = {name: {} for name in panel}
+    shifts: dict[str, dict[str, float]] = {name: {} for name in panel}
     for (name, rest), shift in zip(lines, np.linspace(-0.5 * room, 0.5 * room, len(lines)), strict=True):
-        found[name][rest] = float(shift)
-    return found
+        shifts[name][rest] = float(shift)
+    return shifts
 
 
 def _lines(
@@ -160,7 +160,7 @@ def _lines(
     """A quantity's lines in their styles with whiskers; points alone where there are no styles, for they are many."""
     for rest, points in groups.items():
         points = sorted(points, key=lambda point: (point[0], point[1].value))
-        spots = spots_of([found for _, found in points], _scale(points[0][1].name, points[0][1].unit))
+        spots = spots_of([quantity for _, quantity in points], _scale(points[0][1].name, points[0][1].unit))
         axes.errorbar(
             [x + shifts[rest] for x, _ in points], spots[0], spots[1:], linestyle=styles.get(rest, "none"),
             marker=look.marker, ms=3, lw=1.2, elinewidth=0.8, capsize=1.5, color=look.colour,
@@ -172,9 +172,9 @@ def _groups(table: ResultTable, name: str, key: str) -> _Lines:
     others = [k for k in _varied(table) if k != key]
     groups: dict[str, list[tuple[float, TableQuantity]]] = {}
     for entry in table.done:
-        found, x = entry.by_name.get(name), _number(entry, key)
-        if found is not None and x is not None:
-            groups.setdefault(_told(entry, others), []).append((x, found))
+        quantity, x = entry.by_name.get(name), _number(entry, key)
+        if quantity is not None and not math.isnan(x):
+            groups.setdefault(_varied_words(entry, others), []).append((x, quantity))
     return groups
 
 
@@ -184,14 +184,14 @@ def _varied(table: ResultTable) -> list[str]:
 
 
 def input_words(value: object) -> str:
-    """An input as it is written in tables and legends."""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    """An input as it is written in tables and legends; a dash where a scene has none."""
+    return NO_VALUE if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _told(entry: Entry, keys: Sequence[str]) -> str:
+def _varied_words(entry: Entry, keys: Sequence[str]) -> str:
     """What a scene's inputs of these ``keys`` are, by the last part of each key."""
-    told = [key for key in keys if entry.inputs.get(key) is not None]
-    return ", ".join(f"{key.rpartition('.')[2]} {input_words(entry.inputs[key])}" for key in told)
+    given = [key for key in keys if entry.inputs.get(key) is not None]
+    return ", ".join(f"{key.rpartition('.')[2]} {input_words(entry.inputs[key])}" for key in given)
 
 
 def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: str) -> None:
@@ -204,7 +204,7 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
     """
     table = table.read_in(UNITS)
     grid = grid_of(table, x, y)
-    if grid is None:
+    if not grid.rows:
         raise SceneError(f"{x} and {y} form no grid in this table; draw lines instead")
     panels_of = _alike(table, [name for name in names if _has_values(table, table.quantity(name))])
     if not panels_of:
@@ -228,20 +228,19 @@ def draw_map(path: Path, table: ResultTable, names: Sequence[str], x: str, y: st
 
 def _alike(table: ResultTable, names: Sequence[str]) -> list[list[str]]:
     """The quantities, those that have the same values in all scenes together."""
-    found: dict[object, list[str]] = {}
+    groups: dict[object, list[str]] = {}
     for name in names:
         values = [entry.by_name.get(name) for entry in table.done]
-        found.setdefault(tuple(None if one is None else (*one, name.partition(".")[0]) for one in values), []).append(
-            name
-        )
-    return list(found.values())
+        kind = name.partition(".")[0]
+        groups.setdefault(tuple(value and (*value, kind) for value in values), []).append(name)
+    return list(groups.values())
 
 
 def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
     """A quantity as colours, which :func:`_colour_range` spreads; returns what a colour bar is made from."""
     scale = _scale(name, unit)
-    found = [None if entry is None else entry.by_name.get(name) for row in grid.rows for entry in row]
-    values, *arms = spots_of(found, scale).reshape(3, len(grid.y), len(grid.x))
+    cells = [entry.by_name.get(name, NOTHING) for row in grid.rows for entry in row]
+    values, *arms = spots_of(cells, scale).reshape(3, len(grid.y), len(grid.x))
     widths = arms[0] + arms[1]
     low, high = _colour_range(values, widths, percent=scale != 1.0)
     unknown = (widths >= 100.0 * UNKNOWN_SPAN) & (scale != 1.0)
@@ -255,8 +254,8 @@ def _cells(axes: Axes, grid: _Grid, name: str, unit: str) -> Any:
             continue
         dark = value <= 0.5 * (low + high) and not unknown[row, column]
         at, ink, known = (grid.x[column], grid.y[row]), "white" if dark else INK, widths[row, column] > 0.0
-        told = UNKNOWN_ERROR if unknown[row, column] else f"{value:.3g}"
-        axes.text(*at, told, ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
+        text = UNKNOWN_ERROR if unknown[row, column] else f"{value:.3g}"
+        axes.text(*at, text, ha="center", va="bottom" if known else "center", fontsize=LETTERS, color=ink)
         if known:
             ends = f"{value - arms[0][row, column]:.3g} to {value + arms[1][row, column]:.3g}"
             axes.text(*at, ends, ha="center", va="top", fontsize=NOTE_SIZE, color=ink)
@@ -279,23 +278,25 @@ def _colour_range(values: Array, widths: Array, *, percent: bool) -> tuple[float
 
 
 class _Grid(NamedTuple):
-    x: list[float]
-    y: list[float]
-    rows: list[list[Entry | None]]
+    """Values of two inputs, and by lines of ``y`` the scene at each ``x``; no rows where they form no grid."""
+
+    x: Sequence[float] = ()
+    y: Sequence[float] = ()
+    rows: Sequence[Sequence[Entry]] = ()
 
 
-def grid_of(table: ResultTable, x: str, y: str) -> _Grid | None:
-    """The scenes by their places in two inputs; None where two scenes are at one place or half of it is empty."""
+def grid_of(table: ResultTable, x: str, y: str) -> _Grid:
+    """The scenes by their places in two inputs, which two scenes at one place, or half of it empty, form none of."""
     places: dict[tuple[float, float], Entry] = {}
     for entry in table.done:
         at = (_number(entry, x), _number(entry, y))
-        if at[0] is None or at[1] is None or at in places:
-            return None
-        places[at[0], at[1]] = entry
+        if math.isnan(sum(at)) or at in places:
+            return _Grid()
+        places[at] = entry
     columns, lines = sorted({at[0] for at in places}), sorted({at[1] for at in places})
     if min(len(columns), len(lines)) < 2 or 2 * len(places) <= len(columns) * len(lines):
-        return None
-    return _Grid(columns, lines, [[places.get((column, line)) for column in columns] for line in lines])
+        return _Grid()
+    return _Grid(columns, lines, [[places.get((column, line), ABSENT) for column in columns] for line in lines])
 
 
 def draw_trade_off(path: Path, table: ResultTable) -> None:
@@ -311,14 +312,14 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
     places: list[tuple[int, float, float]] = []  # scene, recovery and purity in percent
     for marker, (fraction, place) in zip(itertools.cycle(MARKERS), pairs, strict=False):
         wanted = (f"recovery.{fraction}", f"purity.{place}.{fraction}")
-        found = {
+        points = {
             number: tuple(entry.by_name[name] for name in wanted)
             for number, entry in enumerate(table.done, start=1)
             if set(wanted) <= set(entry.by_name)
         }
-        if not found:
+        if not points:
             continue
-        (x, *xerr), (y, *yerr) = (spots_of(side, 100.0) for side in zip(*found.values(), strict=True))
+        (x, *xerr), (y, *yerr) = (spots_of(side, 100.0) for side in zip(*points.values(), strict=True))
         axes.errorbar(
             x, y, xerr=np.array(xerr), yerr=np.array(yerr), fmt=marker, ms=4, lw=0.7, color=colours[fraction],
             label=f"{fraction} in {place}",
@@ -326,7 +327,7 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
         spots = np.column_stack([x, y])
         front = spots[on_front(spots)]
         axes.plot(*front[np.argsort(front[:, 0])].T, color=colours[fraction], lw=1.2, alpha=0.6)
-        places += zip(found, x.tolist(), y.tolist(), strict=True)
+        places += zip(points, x.tolist(), y.tolist(), strict=True)
     axes.set(xlabel="recovery (%)", ylabel="purity (%)")
     _name_scenes(axes, named, places)
     handles = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda one: one[1] in named)
@@ -341,7 +342,7 @@ def _scene_texts(table: ResultTable) -> list[str]:
     if len(table.done) > MAX_NUMBERED_SCENES:
         return []
     keys = _varied(table)
-    texts = [_told(entry, keys) for entry in table.done]
+    texts = [_varied_words(entry, keys) for entry in table.done]
     if "" in texts or len(set(texts)) < len(texts):
         texts = [entry.name for entry in table.done]
     return [shorten(text, SHORT, placeholder=" ...") for text in texts]
@@ -403,19 +404,19 @@ def _label(name: str, unit: str) -> str:
     return f"{name} ({unit})"
 
 
-def _number(entry: Entry, key: str) -> float | None:
+def _number(entry: Entry, key: str) -> float:
+    """An input; nan where it is no number."""
     value = entry.inputs.get(key)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
 
 
-def spots_of(found: Iterable[TableQuantity | None], scale: float) -> Array:
-    """Values of quantities and how far their intervals reach below and above (3, n); nan where there is no quantity,
-    zero where no interval is known.
+def spots_of(quantities: Iterable[TableQuantity], scale: float) -> Array:
+    """Values of quantities and how far their intervals reach below and above (3, n); nan of :data:`NOTHING`, zero where
+    no interval is known.
     """
-    rows = [(np.nan,) * 3 if one is None else (one.value, *one.ends) for one in found]
-    value, *ends = np.array(rows, dtype=float).reshape(-1, 3).T  # unknown ends are nan
+    value, *ends = np.array([(*quantity,) for quantity in quantities], dtype=float).reshape(-1, 3).T
     gaps = (value - ends[0], ends[1] - value)
-    below, above = (np.where(np.isnan(gap), value - value, np.maximum(gap, 0.0)) for gap in gaps)
+    below, above = (np.where(np.isfinite(gap), np.maximum(gap, 0.0), value - value) for gap in gaps)
     return scale * np.stack([value, below, above])
 
 
@@ -445,54 +446,17 @@ def _figures(folder: Path, table: ResultTable) -> dict[Path, Callable[[Path], No
     names, keys = main_quantities(table), numeric_inputs(table)
     if not names or not table.done:
         return {}
-    found: dict[Path, Callable[[Path], None]] = {
+    drawn: dict[Path, Callable[[Path], None]] = {
         folder / f"lines-{key}.png": partial(draw_lines, table=table, names=names, key=key) for key in keys
     }
     for x, y in itertools.combinations(keys, 2):
-        if grid_of(table, x, y) is not None:
-            found[folder / f"map-{x}-{y}.png"] = partial(draw_map, table=table, names=names, x=x, y=y)
+        if grid_of(table, x, y).rows:
+            drawn[folder / f"map-{x}-{y}.png"] = partial(draw_map, table=table, names=names, x=x, y=y)
     if any(pairs_of(table)):
-        found[folder / "trade-off.png"] = partial(draw_trade_off, table=table)
-    return found
+        drawn[folder / "trade-off.png"] = partial(draw_trade_off, table=table)
+    return drawn
 
 
 def of_worth(table: ResultTable) -> ResultTable:
     """The table without void answers, which say nothing."""
-    return ResultTable([one for one in table.entries if one.reason != VOID], table.targets)
-
-
-DIVIDER_HEADS = (
-    "purity asked (%)", "purity (%)", "purity low (%)", "purity high (%)", "recovery (%)", "recovery low (%)",
-    "recovery high (%)", "from, to along the line (m)",
-)  # fmt: skip
-
-
-def draw_dividers(path: Path, found: Sequence[Dividers]) -> None:
-    """Draw what dividers give at every purity asked: recovery over purity, both on granules that did not choose."""
-    figure = new_figure(5.6, 4.0)
-    axes = figure.add_subplot(xlabel="purity (%)", ylabel=f"recovery of {found[0].fraction} (%)")
-    able = [one for one in found if one.possible and one.purity.value is not None]
-    pure, got = (
-        np.array([_numbers(part) for part in side]).T
-        for side in ([one.purity for one in able], [one.recovery for one in able])
-    )
-    axes.fill_between(pure[0], got[1], got[2], color=COLOURS[0], alpha=0.18, linewidth=0)
-    axes.fill_betweenx(got[0], pure[1], pure[2], color=COLOURS[0], alpha=0.18, linewidth=0)
-    axes.plot(pure[0], got[0], "o-", ms=3, color=COLOURS[0])
-    save(figure, path)
-
-
-def write_dividers(path: Path, found: Sequence[Dividers]) -> None:
-    """Write what :func:`draw_dividers` draws as CSV, with the stretches at each purity; empty where none reaches it."""
-    rows = []
-    for one in found:
-        numbers = [*_numbers(one.purity), *_numbers(one.recovery)] if one.possible else [None] * 6
-        cells = [None if number is None or np.isnan(number) else number for number in numbers]
-        rows.append([100 * one.asked, *cells, "; ".join(f"{low:.6g} {high:.6g}" for low, high in one.stretches)])
-    CellTable(DIVIDER_HEADS, rows).write_csv(path, 6)
-
-
-def _numbers(found: Number) -> tuple[float, float, float]:
-    """Percent, nan where unknown."""
-    value, low, high = (100.0 * one if np.isfinite(one) else np.nan for one in found)
-    return value, low, high
+    return ResultTable([entry for entry in table.entries if entry.reason != VOID], table.targets)

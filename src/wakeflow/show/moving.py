@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -94,19 +95,20 @@ class Path2D:
         number = np.arange(len(begins)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         return np.append(begins + number * np.repeat(np.diff(self.time) / pieces, pieces), self.time[-1])
 
-    def separation(self, scene: Scene) -> int | None:
-        """The recorded point at which it last touches a body; None where it never does."""
+    def touches(self, scene: Scene) -> NDArray[np.int64]:
+        """The recorded points at which it touches a body, in order."""
         seen = seen_from_body(scene, self.time, self.position)
         near = np.full(len(self.time), np.inf)
         for body in scene.body.values():
             near = np.minimum(near, distance_to(seen, body.outline()))
-        touching = np.flatnonzero(near <= (1.0 + TOUCH) * self.diameter / 2)
-        return int(touching[-1]) if len(touching) else None
+        return np.flatnonzero(near <= (1.0 + TOUCH) * self.diameter / 2)
 
-    def falls_to(self, level: float, first: int) -> float | None:
-        """Time (s) at which it first comes down to y = ``level`` (m) after recorded point ``first``; None: never."""
+    def falls_to(self, level: float, first: int) -> float:
+        """Time (s) at which it first comes down to y = ``level`` (m) after recorded point ``first``; infinite where it
+        never does.
+        """
         below = np.flatnonzero(self.position[first:, 1] <= level)
         if not len(below) or below[0] == 0:
-            return None
+            return math.inf
         low, high = self.time[first + below[0] - 1], self.time[first + below[0]]
         return float(halved(lambda time: self.at(np.array([time]))[0][0, 1] > level, low, high, 60)[1])

@@ -257,22 +257,22 @@ def _left_out(plan: Plan) -> str:
     for row in plan.left_out:
         most[row.name] = max(most.get(row.name, 0.0), row.bound if isfinite(row.bound) else 0.0)
     doubted = {notice.text.partition(", left out")[0] for notice in plan.notices}
-    told = [f"{name} {bound:.1g}" if bound else name for name, bound in most.items() if name not in doubted]
-    return f"{', '.join(told)} ({plan.unit} at most)" if told else "nothing else"
+    terms = [f"{name} {bound:.1g}" if bound else name for name, bound in most.items() if name not in doubted]
+    return f"{', '.join(terms)} ({plan.unit} at most)" if terms else "nothing else"
 
 
 def cost_words(plan: Plan, stages: Sequence[StageCost], runs: int) -> str:
     """The run time by its parts, memory and disk: of ``stages`` as this machine's last ``runs`` say."""
     spent = _parts(stages)
     whole = wall_seconds(stages, cores())
-    told = [f"{part} {duration(time)}" for part, time in spent.items() if time >= WORTH_TELLING * sum(spent.values())]
+    parts = [f"{part} {duration(time)}" for part, time in spent.items() if time >= WORTH_TELLING * sum(spent.values())]
     if sum(spent.values()) > SIDE_BY_SIDE * whole:
-        told.append("partly side by side")
+        parts.append("partly side by side")
     lately = "run" if runs == 1 else f"{runs} runs"
     learned = f"at the pace of the last {lately} here" if runs else "not measured on this machine yet"
     memory = max(plan.estimate.memory, *(stage.memory for stage in stages))
     return (
-        f"about {duration(whole)}, {learned} ({', '.join(told)}); "
+        f"about {duration(whole)}, {learned} ({', '.join(parts)}); "
         f"{memory / 1e9:.1f} GB of memory, {plan.estimate.disk / 1e6:.0f} MB of disk"
     )
 

@@ -89,7 +89,7 @@ def write_sketch(path: Path, scene: Scene, units: Mapping[str, str] = UNITS) -> 
     """Write :func:`draw_sketch` to a PNG, SVG or PDF file that is whole or absent. Raises SceneError for another."""
     kind = path.suffix.removeprefix(".").lower()
     if kind not in FILES:
-        raise SceneError(f"{path}: a picture's name ends in {', '.join(f'.{one}' for one in FILES)}")
+        raise SceneError(f"{path}: a picture's name ends in {', '.join(f'.{suffix}' for suffix in FILES)}")
     figure = draw_sketch(scene, units).figure
     with atomic_write(path, "wb") as stream:
         figure.savefig(stream, format=kind)

@@ -20,7 +20,7 @@ from .html.rows import page_template
 from .many_figures import main_quantities
 from .outcome import Landed, Outcome, Track
 from .plan_words import UNITS
-from .vtk.vtk_tracks import ARRIVING
+from .vtk import ARRIVING
 from .words import bins_in_words, holds
 
 if TYPE_CHECKING:
@@ -200,12 +200,12 @@ def _landings(result: Result, scene: Scene) -> dict[str, Landed]:
     table = {head: np.asarray(column) for head, column in result.granules().items()}
     numbers = {name: number for number, name in enumerate(scene.bin)}
     bins = np.array([numbers.get(name, -1) for name in table["bin"]])
-    found = {}
+    landed = {}
     for name in scene.fraction:
-        own = table["fraction"] == name
-        weight = table["weight"][own].astype(float)
-        found[name] = Landed(table["x"][own], table["y"][own], weight / weight.sum(), bins[own])
-    return found
+        mine = table["fraction"] == name
+        weight = table["weight"][mine].astype(float)
+        landed[name] = Landed(table["x"][mine], table["y"][mine], weight / weight.sum(), bins[mine])
+    return landed
 
 
 accessors.add("plot", Plot)

@@ -6,7 +6,7 @@ Shares are of a fraction's mass, purities of a bin's mass.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -31,14 +31,15 @@ if TYPE_CHECKING:
     from ..air.kinds.airflow_table import Airflow
     from ..answer.result import Result
     from ..answer.result_table import Difference, TableQuantity
-    from ..answer.shares import LandingResults, Separation, Verdict
-    from ..flight.feed.impact_loads import ImpactForces, ImpactSummary
+    from ..answer.shares import Separation, Verdict
+    from ..flight.feed.impact_loads import ImpactForces
     from ..planning.feed_funnel import FunnelSummary
 
 
 # -- The numbers of a result as words ----------------------------------------------------------------------------------
 OF_WHAT = "what the scene does not say exactly, granules, {}, terms left out"
 UNPROVEN = "No measurement of granules validates this machine."
+Differences = Mapping[str, Mapping[str, "Difference"]]  # from the first of several runs, by quantity and run
 TERMS = {LEFT_OUT: "terms left out", NOT_COMPUTED: "terms not computed"}  # a column of the budget for each kind of term
 ROUGH = 0.1  # an error of a share from which percentage points are written without decimals
 
@@ -77,18 +78,16 @@ def holds(result: Result) -> str:
 
 def calibrated_with(result: Result) -> str:
     """With what an answer was calibrated, and what the scene says that contradicts it; empty of any other answer."""
-    told = result.calibration
-    return "" if told is None else f"Calibrated with {told.source}. {told.conflict}".rstrip()
+    calibration = result.calibration
+    return "" if calibration is None else f"Calibrated with {calibration.source}. {calibration.conflict}".rstrip()
 
 
-def in_three_dimensions(landings: LandingResults | None) -> str:
+def in_three_dimensions(result: Result) -> str:
     """The shares that were computed in three dimensions for a machine like this one; empty without any."""
-    found = {} if landings is None else landings.three_dimensions
-    told = [
-        f"{name} in {place} {percent(share)} %" for name, places in found.items() for place, share in places.items()
-    ]
+    known = {} if result.landings is None else result.landings.three_dimensions
+    shares = [f"{name} in {place} {percent(share)} %" for name, row in known.items() for place, share in row.items()]
     about = "this body at this Stokes number, each granule alone; in the interval"
-    return f"Three dimensions: {', '.join(told)} ({about})" if told else ""
+    return f"Three dimensions: {', '.join(shares)} ({about})" if shares else ""
 
 
 def measurement_lines(result: Result) -> list[str]:
@@ -110,7 +109,7 @@ def headline(result: Result) -> list[str]:
         return []
     if result.void:
         return [f"This answer is void: {result.why_void}."]
-    told, shares = [], result.landings.separation
+    lines, shares = [], result.landings.separation
     for name, number in shares.recovery.items():
         if number is None:
             continue
@@ -124,20 +123,20 @@ def headline(result: Result) -> list[str]:
         elif known:
             of_bin = f"; it makes up {', '.join(f'{part} in {place}' for part, place in known)}"
         lost = f"{part_words(shares.loss.get(name))}, {rate_words(shares.lost.get(name))}, is lost"
-        told.append(f"Of the {name}, {part_words(number)} lands in {' or '.join(places)}; {lost}{of_bin}.")
-    return told
+        lines.append(f"Of the {name}, {part_words(number)} lands in {' or '.join(places)}; {lost}{of_bin}.")
+    return lines
 
 
 def part_words(number: Number | None) -> str:
     """A part of a whole within a sentence: ``"62.1 (61.3 to 62.9) %"``, or ``"an unknown part (0 to 50 %)"``."""
-    told = part_text(number)
-    return f"an {told[:-3].replace('(', 'part (')} %)" if told.startswith(UNKNOWN_ERROR) else told
+    text = part_text(number)
+    return f"an {text[:-3].replace('(', 'part (')} %)" if text.startswith(UNKNOWN_ERROR) else text
 
 
 def part_text(number: Number | None, *, void: bool = False) -> str:
     """As :func:`percent`, with its sign behind what is a number."""
-    told = percent(number, void=void)
-    return told if told in (NO_VALUE, VOID) else f"{told} %"
+    text = percent(number, void=void)
+    return text if text in (NO_VALUE, VOID) else f"{text} %"
 
 
 def quantity_text(one: TableQuantity | None, *, void: bool = False) -> str:
@@ -174,19 +173,19 @@ def air_words(airflow: Airflow) -> str:
 def loading_words(result: Result) -> str:
     """What the granules' force on the air does, in one line."""
     loading = required(required(result.airflow).loading)
-    if loading.cd is None:
+    if loading.cd is None or loading.cd_without is None:
         does = f"driven to {say(required(loading.speed), 'm/s', 2)}"
     else:
-        does = f"steady Cd {required(loading.cd_without).value:.3f} to {loading.cd.value:.3f}"
+        does = f"steady Cd {loading.cd_without.value:.3f} to {loading.cd.value:.3f}"
     passes = f"{loading.passes} pass{'es' if loading.passes != 1 else ''}"
-    told = f"air loading: {passes}, {loading.given:.2g} N/m on the air, {does}"
+    line = f"air loading: {passes}, {loading.given:.2g} N/m on the air, {does}"
     effects = None if result.landings is None else result.landings.air_loading
     if not effects:
-        return told
-    rows = [(name, place, found) for name, places in effects.items() for place, found in places.items()]
+        return line
+    rows = [(name, place, effect) for name, places in effects.items() for place, effect in places.items()]
     name, place, most = max(rows, key=lambda row: abs(row[2].loaded - row[2].without))
     before, after = (f"{100 * share:.1f}" for share in (most.without, most.loaded))
-    return f"{told}; " + (
+    return f"{line}; " + (
         f"most moved: {name} in {place}, {before} to {after} %" if before != after else "no share moves"
     )
 
@@ -196,23 +195,23 @@ def funnel_words(funnel: FunnelSummary) -> str:
     rate, law = funnel.rate, funnel.beverloo_cone
     if rate is None:
         return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
-    found = f"funnel: {1e3 * rate.value:.3g} g/s"
+    line = f"funnel: {1e3 * rate.value:.3g} g/s"
     if rate.known:
-        found += f" ({1e3 * rate.low:.3g} to {1e3 * rate.high:.3g})"
+        line += f" ({1e3 * rate.low:.3g} to {1e3 * rate.high:.3g})"
     empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
-    return found + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
+    return line + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
 
 
 def verdict_lines(result: Result) -> list[str]:
     """A line for each limit of the scene: what it is, whether it is met, what the answer says, what would decide."""
     return [
-        f"{one.limit} at most {100 * one.most:.4g} %: {one.verdict}, {_found(one, void=result.void)}"
+        f"{one.limit} at most {100 * one.most:.4g} %: {one.verdict}, {_held(one, void=result.void)}"
         + (f"; it takes {one.decides}" if one.decides else "")
         for one in result.limits
     ]
 
 
-def _found(one: Verdict, *, void: bool) -> str:
+def _held(one: Verdict, *, void: bool) -> str:
     """What the answer says of what a limit holds."""
     if void:
         return "the answer is void"
@@ -227,12 +226,12 @@ def money_lines(result: Result) -> list[str]:
     if result.void:
         return [f"Money: {VOID}."]
     products = _unit_words(money.products, "EUR/h")
-    if money.fan is None:
+    if money.fan is None or money.total is None:
         return [f"The products are worth {products}; the fan's cost is not known: this airflow has no pressure drop."]
     fan = ""
     if money.fan_power is not None:
         fan = f", less {money.fan:.3g} EUR/h for a fan that draws {say(money.fan_power, 'W', 3)}"
-    return [f"It earns {_unit_words(required(money.total), 'EUR/h')}: products worth {products}{fan}."]
+    return [f"It earns {_unit_words(money.total, 'EUR/h')}: products worth {products}{fan}."]
 
 
 def split_cure(line: str) -> tuple[str, str]:
@@ -264,7 +263,7 @@ def expected(result: Result, place: str) -> list[tuple[str, Number]]:
     purity = None if result.landings is None else result.landings.separation.purity.get(place)
     if not purity:
         return []
-    wanted = [(name, found) for name, found in purity.items() if place in result.targets(name)]
+    wanted = [(name, number) for name, number in purity.items() if place in result.targets(name)]
     return wanted or [max(purity.items(), key=lambda item: item[1].value)]
 
 
@@ -349,12 +348,12 @@ def separation_cells(result: Result, separation: Separation) -> CellTable:
     return CellTable(SEPARATION_COLUMNS, rows)
 
 
-def _ends(number: Number | None) -> list[float | None]:
+def _ends(number: Number | None) -> list[Cell]:
     """A number and its interval in percent."""
     return [None] * 3 if number is None else [_percent(one) for one in (number.value, *number.ends)]
 
 
-def _percent(number: float | None) -> float | None:
+def _percent(number: float | None) -> Cell:
     return None if number is None else 100.0 * number
 
 
@@ -368,11 +367,12 @@ def budget_cells(budget: Sequence[BudgetRow]) -> CellTable:
     return CellTable(BUDGET_COLUMNS, rows)
 
 
-def impact_cells(impact: ImpactSummary | None) -> CellTable:
+def impact_cells(result: Result) -> CellTable:
     """One row a fraction and slope, then all fractions together; of a body with many slopes one row for all of them.
     No rows where no granule falls on a body.
     """
     rows: list[list[Cell]] = []
+    impact = None if result.flights is None else result.flights.impact
     if impact is not None and impact.total.mass_flow:
         whole = len(impact.slopes) > SLOPES
         for name, fraction in impact.fractions.items():
@@ -393,7 +393,7 @@ def write_tables(folder: Path, result: Result) -> None:
     if result.landings is not None:
         separation_cells(result, result.landings.separation).write_csv(folder / "separation.csv")
         budget_cells(result.landings.budget).write_csv(folder / "budget.csv")
-    impacts = impact_cells(None if result.flights is None else result.flights.impact)
+    impacts = impact_cells(result)
     if impacts.rows:
         impacts.write_csv(folder / "impact.csv")
 
@@ -417,13 +417,13 @@ def bins_in_words(result: Result, separation: Separation) -> Iterator[BinWords]:
     void, names = result.void, separation.fractions
     for place in separation.bins:
         shares = [(percent(places[place], void=void), place in result.targets(name)) for name, places in names.items()]
-        pure = [(name, percent(found, void=void)) for name, found in expected(result, place)]
+        pure = [(name, percent(number, void=void)) for name, number in expected(result, place)]
         if (dirt := separation.dirt.get(place)) is not None:
             pure.append(("dirt", percent(dirt, void=void)))
         flow = VOID if void else f"{separation.throughput[place]:.3g}"
         yield BinWords(place, shares, flow, pure or [("", NO_VALUE)])
-    for told, numbers in (("recovery", separation.recovery), ("loss", separation.loss)):
-        yield BinWords(told, [(percent(numbers.get(name), void=void), False) for name in names], "", [])
+    for head, numbers in (("recovery", separation.recovery), ("loss", separation.loss)):
+        yield BinWords(head, [(percent(numbers.get(name), void=void), False) for name in names], "", [])
     lost = [(rate_words(separation.lost.get(name), void=void).removesuffix(" kg/h"), False) for name in names]
     yield BinWords("loss, kg/h", lost, "", [])
 

@@ -128,7 +128,10 @@ class Truth:
         told = self.told
         left_out = (row.name for row in told.pipeline.plan.left_out if row.fraction == fraction)
         air = told.pipeline.air.realisations.field
-        known = {"laminar": air is None or air.k is None, "point_mass": told.scene.fraction[fraction].inertia is None}
+        known = {
+            "laminar": air is None or air.k is None,
+            "point_mass": bool(np.isinf(told.scene.fraction[fraction].inertia)),
+        }
         return frozenset(
             term for term in left_out if term in forces and forces[term].computed and not forces[term].blocked(**known)
         )

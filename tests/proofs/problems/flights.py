@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proofs.problems.exact import DENSITY, Answer, G, Setting, box, field_on, of_tau, problem
-from proofs.problems.reference_all_terms import Plane, reference_end_states
+from proofs.problems.reference_all_terms import Plane, reference_end_states, scalar_drag
 from support import without_slip
 from wakeflow.flight import Body, Fate
-from wakeflow.laws.drag import drag_table, table_factor
 
 Array = NDArray[np.float64]
 DRAG_ONLY = {"forces": ("drag",), "drag": "stokes"}
@@ -70,7 +69,7 @@ def _constant_drag(terminal: Array) -> tuple[float, Array]:
     0.424 as the tracker's table has it, to 1e-8: its own error is tested with the laws.
     """
     reynolds = 1e9
-    coefficient = 24 / reynolds * float(table_factor(drag_table("putnam"), reynolds))
+    coefficient = 24 / reynolds * scalar_drag("putnam", 1.0)(reynolds)
     return 1.0, 3 * coefficient * DENSITY * terminal**2 / (4 * G)
 
 

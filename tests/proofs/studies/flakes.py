@@ -346,7 +346,7 @@ def modelled(scatter: float, restitution: float, friction: float, slope: float) 
     """Velocities (m/s) along and off the slope of granules of the model ``kernel`` with an rms ``scatter`` (rad)."""
     n = len(XI)
     came, up = np.tile([FALL * math.sin(slope), -FALL * math.cos(slope)], (n, 1)), np.tile([0.0, 1.0], (n, 1))
-    mobility = impact_models["kernel"].mobility
+    mobility = 1.0 / impact_models["kernel"].inertia
     left, _, _ = scattered_rebound(
         came, np.zeros(n), up, np.zeros((n, 2)), np.full(n, restitution), np.full(n, friction), mobility,
         np.full(n, 1e-3), 0.0, scatter * XI,

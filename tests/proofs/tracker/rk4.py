@@ -29,8 +29,7 @@ from wakeflow.core.store import digest_files
 from wakeflow.flight.bodies import Body
 from wakeflow.flight.granules import Granules
 from wakeflow.flight.kernel import layout as at
-from wakeflow.flight.kernel.air import shares
-from wakeflow.flight.kernel.forces import drag_rate
+from wakeflow.flight.kernel.air import drag_rate, shares
 from wakeflow.flight.kernel.jit import OPTIONS, compiled
 from wakeflow.flight.kernel.locate import anywhere, barycentric, walk
 from wakeflow.flight.kernel.strike import restitution_of

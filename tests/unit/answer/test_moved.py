@@ -8,10 +8,10 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.answer.cells import Ends
-from wakeflow.answer.dividers import StoredLandings
 from wakeflow.answer.result import MovedBins, Result
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
+from wakeflow.extras.page.finished import StoredLandings
 from wakeflow.scene import Scene
 
 END = 0.12  # m: where near ends and far begins

@@ -13,14 +13,14 @@ from scipy.special import expit
 
 import wakeflow as wf
 from support import ALONE, landings_in, shipped
-from wakeflow.answer.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
 from wakeflow.answer.draws import ErrorSource
 from wakeflow.answer.partition import partition_curves
 from wakeflow.answer.separation import joint_answer
 from wakeflow.cli import main
-from wakeflow.cli.show_result import show_dividers
 from wakeflow.core.errors import SceneError
 from wakeflow.core.number import Number
+from wakeflow.extras.dividers.bin_commands import show_dividers
+from wakeflow.extras.dividers.dividers import Landed1D, best_stretches, cut, dividers, landed_along, purities, trade_off
 from wakeflow.flight.stages.landings import Landings
 from wakeflow.laws.constants import STANDARD_AIR
 from wakeflow.laws.drag import drag_laws, terminal_velocity

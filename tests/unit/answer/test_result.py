@@ -17,7 +17,6 @@ from wakeflow.air.kinds.airflow_table import Airflow, GridStudy
 from wakeflow.answer.notices import ENDINGS, _out_of_the_top, _unlanded, with_mesh_error
 from wakeflow.answer.result import SCHEMA, Result, request_in
 from wakeflow.answer.shares import BudgetPart, InputPart, weightiest
-from wakeflow.cli.screen import MAX_WARNINGS, warn
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import write_json
 from wakeflow.core.graded import Grade
@@ -29,6 +28,7 @@ from wakeflow.planning.plan import Plan
 from wakeflow.runs import report_again
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
+from wakeflow.show.screen import MAX_WARNINGS, warn
 from wakeflow.show.words import BUDGET_COLUMNS, IMPACT_COLUMNS, SEPARATION_COLUMNS, holds, separation_cells
 
 

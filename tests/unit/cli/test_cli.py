@@ -8,10 +8,10 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.cli import app, main
-from wakeflow.cli.show_result import show_result
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
 from wakeflow.scene import Scene
+from wakeflow.show.terminal import show_result
 
 
 def test_plan_names_what_is_used_and_left_out(cases: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -338,7 +338,7 @@ def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path)
 def test_the_keys_of_all_stages_are_found_by_their_modules() -> None:
     assert set(CODE) == {
         "spec", "airflow", "span_run", "case_field", "analytic", "user_case", "combined", "gathered_force",
-        "fraction_flights", "slab_stage", "input_samples", "film_stage", "vtk_files", "figures",
+        "fraction_flights", "slab_stage", "input_samples", "film_stage", "vtk", "figures",
     }  # fmt: skip
 
 
@@ -349,7 +349,7 @@ def test_a_name_that_is_no_module_is_refused() -> None:
 
 def test_what_a_package_registers_as_it_is_imported_counts() -> None:
     tracks = sources.closure(*CODE["fraction_flights"])
-    assert {"wakeflow.laws.forces.basic", "wakeflow.laws.forces.lift_forces"} <= tracks
+    assert {"wakeflow.laws.forces.records", "wakeflow.laws.forces.history_force"} <= tracks
 
 
 def test_names_of_a_package_lead_to_their_modules_only() -> None:

@@ -74,7 +74,7 @@ def served(what: Path | None, runs: Path) -> Iterator[Served]:
 
     async def main() -> None:
         page = Page(what, runs=runs)
-        page.listen(0)
+        page.listen([0])
         found.append(page)
         begun.set()
         await page.serve()

@@ -117,7 +117,6 @@ def test_a_file_that_changes_on_the_disk_is_taken_in_and_can_be_undone(tmp_path:
     before = document.text
     assert not document.compare_with_disk()
     other = before.replace("5 m/s", "6 m/s")
-    assert document.path is not None
     document.path.write_text(other)
     assert document.compare_with_disk()
     assert document.text == other
@@ -147,7 +146,6 @@ def test_of_two_changes_none_is_lost_unasked(keep: bool, tmp_path: Path) -> None
 
 def test_a_file_that_is_gone_is_made_anew_and_a_taken_name_is_refused(tmp_path: Path) -> None:
     document = _opened("rhombus", tmp_path)
-    assert document.path is not None
     document.path.unlink()
     assert not document.compare_with_disk()
     document.save()
@@ -174,7 +172,6 @@ def test_changes_of_other_lines_are_both_kept(mine: str, theirs: str, both: str 
 
 def test_a_file_that_is_gone_ends_a_conflict_and_one_too_long_is_not_replaced(tmp_path: Path) -> None:
     document = _opened("vacuum", tmp_path)
-    assert document.path is not None
     document.write("a = 1\n")
     document.path.write_text("b = 1\n")
     assert document.compare_with_disk()

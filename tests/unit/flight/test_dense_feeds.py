@@ -437,7 +437,7 @@ def test_a_weight_counts_as_so_many_granules() -> None:
 
 
 def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from wakeflow.cli.show_result import show_result
+    from wakeflow.show.terminal import show_result
 
     scene = pipeline(DENSE).scene
     result = wf.run(scene, tmp_path)

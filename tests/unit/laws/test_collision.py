@@ -64,7 +64,7 @@ def test_limits_of_restitution_and_friction(model: ImpactModel) -> None:
 @every_model
 def test_it_sticks_above_the_limit_and_rolls_from_then_on(model: ImpactModel) -> None:
     inertia = model.inertia
-    limit = np.tan(BETA) / 1.5 / (1.0 + model.mobility)
+    limit = np.tan(BETA) / 1.5 / (1.0 + 1.0 / model.inertia)
     speed = 0.0 if inertia is None else 1.0 / (1.0 + inertia)
     slip = impact(BETA, 1.0, 0.0, 0.5, limit * (1 - 1e-6), inertia, 0.01)
     stick = impact(BETA, 1.0, 0.0, 0.5, np.array([limit * (1 + 1e-6), 5.0]), inertia, 0.01)
@@ -99,7 +99,7 @@ def test_impulses_are_the_changes_of_velocity() -> None:
     angle=st.floats(0, 6.3),
     restitution=unit,
     friction=st.floats(0, 3) | st.just(np.inf),
-    mobility=st.sampled_from([impact_models[name].mobility for name in impact_models]),
+    mobility=st.sampled_from([1.0 / impact_models[name].inertia for name in impact_models]),
 )
 def test_energy_never_grows_and_angular_momentum_about_the_contact_is_kept(
     v: tuple[float, float],

@@ -59,7 +59,7 @@ def test_means_over_a_vibration_balance_momentum_and_energy(model: ImpactModel) 
     force = -flow * (mass[:, None] * change).sum(axis=0)
     into, down = np.array([-math.sin(B), -math.cos(B)]), np.array([math.cos(B), -math.sin(B)])
     np.testing.assert_allclose(into * got.normal.mean() + down * got.tangential.mean(), force)
-    turning = 0.0 if model.inertia is None else model.inertia * (1e-3 * hit.spin) ** 2
+    turning = 0.0 if np.isinf(model.inertia) else model.inertia * (1e-3 * hit.spin) ** 2
     gained = 0.5 * ((hit.velocity**2).sum(axis=1) + turning - v0**2)
     seen = np.stack([np.zeros(400), -v0 - up], axis=1) ** 2, (hit.velocity - np.stack([0 * up, up], axis=1)) ** 2
     lost = 0.5 * (seen[0].sum(axis=1) - seen[1].sum(axis=1) - turning)

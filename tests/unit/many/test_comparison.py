@@ -15,7 +15,6 @@ from wakeflow.answer.result import VOID, Result
 from wakeflow.answer.result_table import DONE, FAILED, Difference, Entry, ResultTable, TableQuantity, differences_of
 from wakeflow.answer.shares import least_certain
 from wakeflow.cli import main
-from wakeflow.cli.show_result import show_table
 from wakeflow.core.errors import SceneError, known
 from wakeflow.extras.studies.sensitivity import COLUMNS
 from wakeflow.extras.trays.calibration_update import half_of
@@ -24,6 +23,7 @@ from wakeflow.planning.unknowns import unknowns
 from wakeflow.runs.planned import make_plan
 from wakeflow.show import many_figures as many
 from wakeflow.show.many_figures import draw_lines
+from wakeflow.show.terminal import show_table
 from wakeflow.show.words import bins_in_words, holds, percent
 
 

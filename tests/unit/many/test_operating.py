@@ -57,7 +57,7 @@ def test_a_capacity_curve_is_a_sweep_over_the_rate_with_one_figure(tmp_path: Pat
     assert (figure.name, figure.read_bytes()[:4]) == ("capacity.png", b"\x89PNG")
     high = max(one.by_name["loss.hard"].high for one in found.table.done)
     met = operating.met_up_to(found.table, {"loss.hard": high, "dirt.near": 1e-6})
-    assert met == {"loss.hard": pytest.approx(1.0 / 3600.0), "dirt.near": None}
+    assert met == {"loss.hard": pytest.approx(1.0 / 3600.0), "dirt.near": 0.0}
     low = min(one.by_name["loss.hard"].low for one in found.table.done)
     counted = [operating.met_at(found.table, {"loss.hard": most})["loss.hard"] for most in (high, low / 2.0)]
     assert counted == [{"met": 2}, {"not met": 2}]

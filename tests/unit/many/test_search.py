@@ -10,11 +10,12 @@ import pytest
 import wakeflow as wf
 from support import CASES, Here, shipped
 from wakeflow.answer.result_table import TableQuantity
+from wakeflow.cli import app  # noqa: F401 - it imports the commands of extras, show_search among them
 from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
 from wakeflow.extras.search.designs import affordable, explore, refuse_void, search, with_fan
+from wakeflow.extras.search.search_commands import show_search
 from wakeflow.extras.search.search_history import DesignPoint, Evaluation, History, at_random
-from wakeflow.extras.search.show_search import show_search
 from wakeflow.extras.search.task import Goal, QuantityLimit, SearchTask, read_search_file
 from wakeflow.extras.studies.operating import operating_map
 from wakeflow.extras.trays.calibration import calibrate
@@ -196,7 +197,7 @@ def test_it_finds_the_best_within_its_budget_and_says_what_may_be_as_good() -> N
     assert sum(spent) <= 400.0
     assert min(spent) >= 0.3 * sum(spent)
     assert lost(history) < 0.01
-    known = history.known()
+    known = history.expectations()
     coarse = [place for place in history.evaluations[0] if place not in history.evaluations[1]]
     truth = {place: -hill(1, [place])[0].quantities["good"].value for place in coarse}
     inside = [known[place].low[0] <= truth[place] <= known[place].high[0] for place in coarse]
@@ -231,7 +232,7 @@ def test_the_scene_as_it_stands_is_the_first_design_at_every_level() -> None:
     assert others  # it does not take the place of the likeliest one
     low = tuple(Axis(axis.key, axis.values, (0.0, 0.5 * axis.values[1] - 1e-3)) for axis in axes)
     outside = SearchTask(scene, low, (Goal("good"),), 300.0)
-    assert outside.as_it_stands is None
+    assert outside.as_it_stands == ()
 
 
 def test_the_same_search_takes_the_same_steps() -> None:
@@ -258,7 +259,7 @@ def test_several_goals_have_a_front_and_a_middle() -> None:
     history = explore(task(600.0, goals=(Goal("good"), Goal("cheap"))), hill)
     front, best = history.front(), history.recommended()
     assert len(front) >= 3
-    known = history.known()
+    known = history.expectations()
     kept = [place for place in history.evaluations[-1] if place in known]
     for place in kept:  # off the front is what another is better than in both, whatever their intervals
         beaten = any(np.all(known[other].high <= known[place].low) for other in kept if other != place)

@@ -36,8 +36,8 @@ from wakeflow.flight.stages.landings import Landings, Tracked, load_tracked
 from wakeflow.flight.stages.pipeline import InputRerun, Pipeline
 from wakeflow.laws.drag import slip_correction, terminal_velocity
 from wakeflow.laws.forces import FlightScales, forces
-from wakeflow.laws.forces.fluctuations import EDDY, WAKE_INTENSITY
 from wakeflow.laws.forces.history_force import MEMORIES, history_kernel, history_time, memories_of
+from wakeflow.laws.forces.records import EDDY, WAKE_INTENSITY
 from wakeflow.laws.material import materials
 from wakeflow.laws.turbulence import crossing_times
 from wakeflow.planning.make import approaches

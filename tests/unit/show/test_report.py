@@ -21,7 +21,6 @@ from wakeflow.air.field import FlowField
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
-from wakeflow.cli.show_result import budget_table, separation_table
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import along, contains
 from wakeflow.core.number import UNKNOWN_ERROR, Number
@@ -41,7 +40,8 @@ from wakeflow.show.figures import air_figures as air
 from wakeflow.show.figures.air_figures import draw_pressure, draw_surface, draw_vorticity
 from wakeflow.show.figures.flights import draw_residence, draw_tracks
 from wakeflow.show.figures.share_figures import draw_landing, draw_partition
-from wakeflow.show.html.report_page import FRONT
+from wakeflow.show.html.pages import FRONT
+from wakeflow.show.terminal import budget_table, separation_table
 from wakeflow.show.words import in_three_dimensions, part_words, percent
 
 INLET, RHO = 3.0, 1.2  # Pa, kg/m3: pressure is not measured from zero
@@ -712,7 +712,7 @@ def test_a_share_in_three_dimensions_stands_beside_the_answer(rhombus: Scene) ->
     said = "Three dimensions: dust in middle 95.0 (94.5 to 95.5) % (this body at this Stokes number"
     assert said in html.render(_read(result), {})
     assert said not in without
-    assert said in in_three_dimensions(_read(result).landings)
+    assert said in in_three_dimensions(_read(result))
 
 
 def test_a_best_estimate_stands_between_its_ends(rhombus: Scene) -> None:

@@ -167,7 +167,7 @@ class FlowSpec:
     def entering(self, speed: float, width: float) -> dict[TurbulenceField, float]:
         """The turbulent fields (SI) of air entering at ``speed`` (m/s) through an opening of ``width`` (m)."""
         k = entering_energy(self.intensity, speed)
-        return {field: field.entering(k, width) for field in self.transported if field.entering is not None}
+        return {field: field.entering(k, width) for field in self.transported}
 
     def parameters(self) -> dict[str, str | float | int]:
         """Everything the template leaves open, by the names in system/parameters.

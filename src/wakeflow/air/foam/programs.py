@@ -20,8 +20,8 @@ from functools import cache
 from pathlib import Path
 
 from ...core.errors import FoamError
+from ...core.files import kernel_root
 from ...core.process import Finished, capture, run_program, tail, unheard
-from ...core.user_folder import kernel_root
 from .case import INSTALL, read_parameters
 from .read import every_time
 
@@ -157,7 +157,7 @@ def _diagnosed(problem: FoamError, program: str, log: Path, before: int, folder:
     """The failure of a program that ended by itself, with its cause; ``before``: where in the log it began (bytes)."""
     if problem.ended == "missing":
         return AirflowFailure(Cause.MISSING, str(problem), command=problem.command)
-    cause, why = diagnose(problem.returncode or 0, _since(log, before), folder)
+    cause, why = diagnose(problem.returncode, _since(log, before), folder)
     if cause.numerical and program not in SOLVERS:
         cause = Cause.CRASHED
     return _failure(cause, f"{program} {why}", log, problem.command)

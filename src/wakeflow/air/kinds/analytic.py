@@ -11,7 +11,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import known
 from ...core.geometry import ForceDensity
 from ...laws.driven_jet import DrivenJet, driven_jet
 from ...laws.turbulence import OMEGA, entering_energy
@@ -60,7 +59,7 @@ def duct_field(scene: Scene, *, turbulent: bool) -> FlowField:
     k = dissipation = None
     if turbulent:
         k0 = entering_energy(air.turbulence, air.speed)
-        omega = known(OMEGA.entering)(k0, channel.width)  # as a solved airflow enters
+        omega = OMEGA.entering(k0, channel.width)  # as a solved airflow enters
         k, dissipation = decaying(k0, omega, sign * (points[:, 1] - start) / air.speed)
     velocity = np.stack([np.zeros(len(points)), sign * speed], axis=1)
     return FlowField.from_arrays(

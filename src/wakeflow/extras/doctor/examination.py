@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ... import DISTRIBUTION
 from ...air.mesh import MeshSpec
-from ...cli.screen import screen_table
 from ...core.errors import MeshError, ProgramError
+from ...core.files import kernel_root
 from ...core.process import call_in_child, cores, run_program
 from ...core.store import cache_root
-from ...core.user_folder import kernel_root
 from ...planning.feed_funnel import ENGINE, bead_engines
+from ...show.screen import screen_table
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -78,13 +78,13 @@ def examine() -> list[Finding]:
     """Try everything a run needs, in seconds; the tracker, where it is not compiled yet, in a minute or two, and it
     stays compiled. Nothing else is left behind.
     """
-    looks: list[Callable[[], Finding]] = [partial(_package, asked, extra) for asked, extra in _required()]
+    looks: list[Callable[[], Finding]] = [partial(_package, requirement, extra) for requirement, extra in _required()]
     looks += [partial(_tried, name) for name in TRIALS]
     looks += [_memory, _disk, _cache]
     with ThreadPoolExecutor(4) as pool:  # most of the time goes into waiting for probes
-        found = [pending.result() for pending in [pool.submit(look) for look in looks]]
+        findings = [pending.result() for pending in [pool.submit(look) for look in looks]]
     python = Finding("Python", platform.python_version(), True, "everything")
-    return [python, *found, Finding("cores", str(cores()), True, "tracking, sweeps")]
+    return [python, *findings, Finding("cores", str(cores()), True, "tracking, sweeps")]
 
 
 def exit_code(findings: list[Finding]) -> int:
@@ -97,13 +97,13 @@ def table(findings: list[Finding]) -> Table:
     from rich.text import Text
 
     rows = []
-    for found in findings:
-        if found.ok:
+    for finding in findings:
+        if finding.ok:
             mark = Text("✓", style="green")
         else:
-            mark = Text("–", style="yellow") if found.optional else Text("✗", style="bold red")
-        use = f"{found.needed_for} (optional)" if found.optional else found.needed_for
-        cells = (found.name, found.version or "missing", use, found.mend)
+            mark = Text("–", style="yellow") if finding.optional else Text("✗", style="bold red")
+        use = f"{finding.needed_for} (optional)" if finding.optional else finding.needed_for
+        cells = (finding.name, finding.version or "missing", use, finding.mend)
         rows.append([mark, *map(Text, cells)])
     return screen_table(("", "what", "found", "needed for", "mend with"), rows, left=5)
 
@@ -118,22 +118,22 @@ def _required() -> Iterator[tuple[Requirement, str]]:
     from packaging.requirements import Requirement
 
     installed = next(iter(distributions(name=DISTRIBUTION)), None)  # None: a source tree that never was
-    for asked in map(Requirement, (installed and installed.requires) or []):
-        extra = re.search(r'extra == "(\w+)"', str(asked.marker))
+    for requirement in map(Requirement, (installed and installed.requires) or []):
+        extra = re.search(r'extra == "(\w+)"', str(requirement.marker))
         if extra is None or extra[1] != "test":
-            yield asked, extra[1] if extra else ""
+            yield requirement, extra[1] if extra else ""
 
 
-def _package(asked: Requirement, extra: str = "") -> Finding:
+def _package(requirement: Requirement, extra: str = "") -> Finding:
     use, optional = (f"the extra {extra}", True) if extra else ("every run", False)
     try:
-        found = version(asked.name)
-        if asked.specifier.contains(found, prereleases=True):
-            return Finding(asked.name, found, True, use, optional=optional)
-        told = f"{found} (needs {asked.specifier})"
+        installed = version(requirement.name)
+        if requirement.specifier.contains(installed, prereleases=True):
+            return Finding(requirement.name, installed, True, use, optional=optional)
+        stated = f"{installed} (needs {requirement.specifier})"
     except PackageNotFoundError:
-        told = None
-    return Finding(asked.name, told, False, use, f"{PIP} '{asked.name}{asked.specifier}'", optional)
+        stated = None
+    return Finding(requirement.name, stated, False, use, f"{PIP} '{requirement.name}{requirement.specifier}'", optional)
 
 
 # -- What a run does, in small -----------------------------------------------------------------------------------------

@@ -37,10 +37,10 @@ def liggghts_version() -> str:
     if where is None:
         raise ProgramError(f"LIGGGHTS is needed: {INSTALL}", command=PROGRAM, ended="missing")
     _, text = capture([where, "-log", "none", "-help"])  # ends with code 1 after its help
-    found = re.search(r"Version LIGGGHTS-PUBLIC ([\d.]+)", text)
-    if found is None:
+    match = re.search(r"Version LIGGGHTS-PUBLIC ([\d.]+)", text)
+    if match is None:
         raise ProgramError(f"{PROGRAM} does not start; {INSTALL}", command=f"{PROGRAM} -help", tail=text[-500:])
-    return found[1]
+    return match[1]
 
 
 def write_settings(folder: Path, values: Mapping[str, float | int | str]) -> None:
@@ -93,16 +93,16 @@ def read_dump(path: Path) -> list[tuple[int, Array]]:
     Those of the funnel are id, radius, x, y, z (m).
     """
     lines = path.read_text().splitlines()
-    found, at = [], 0
+    snapshots, at = [], 0
     while at + 9 <= len(lines):
         step, count = int(lines[at + 1]), int(lines[at + 3])
         rows = lines[at + 9 : at + 9 + count]
         if len(rows) < count:
             break
         table = np.array([row.split() for row in rows], dtype=float).reshape(count, 5)
-        found.append((step, table[np.argsort(table[:, 0])]))
+        snapshots.append((step, table[np.argsort(table[:, 0])]))
         at += 9 + count
-    return found
+    return snapshots
 
 
 # -- The funnel's walls as triangles -----------------------------------------------------------------------------------
@@ -140,7 +140,7 @@ def _layers(funnel: Funnel) -> tuple[Array, float]:
     """Bead centres (n, 3) on a cubic lattice in the funnel, and the height (m) of the uppermost."""
     step, reach = SPACING * funnel.high, 0.5 * funnel.high / math.cos(funnel.half_angle)
     slope, widest = math.tan(funnel.half_angle), math.inf if funnel.width is None else funnel.width / 2
-    found: list[Array] = []
+    layers: list[Array] = []
     layer = count = 0
     while count < funnel.beads:
         z = (layer + 0.6) * step
@@ -148,9 +148,9 @@ def _layers(funnel: Funnel) -> tuple[Array, float]:
         line = step * (np.arange(-math.ceil(room / step) - 1, math.ceil(room / step) + 2) + 0.5 * (layer % 2))
         x, y = np.meshgrid(line, line)
         inside = np.hypot(x, y) <= room
-        found.append(np.stack([x[inside], y[inside], np.full(int(inside.sum()), z)], axis=1))
+        layers.append(np.stack([x[inside], y[inside], np.full(int(inside.sum()), z)], axis=1))
         count, layer = count + int(inside.sum()), layer + 1
-    return np.concatenate(found)[: funnel.beads], z
+    return np.concatenate(layers)[: funnel.beads], z
 
 
 def cone_of(funnel: Funnel) -> Cone:

@@ -18,22 +18,8 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ...core.files import atomic_write
-from ...show.canvas import (
-    BODY,
-    COLOURS,
-    INK,
-    MM,
-    STREAM,
-    Window,
-    air_arrow,
-    canvas,
-    draw_bins,
-    foremost,
-    fraction_colours,
-    frame,
-    solids,
-    streams,
-)  # fmt: skip
+from ...show import canvas
+from ...show.canvas import BODY, COLOURS, INK, MM, STREAM, Window, fraction_colours
 from ...show.html.rows import page_template
 from ...show.moving import Path2D, body_displacement
 from ...show.outcome import Outcome, PagePart
@@ -97,8 +83,8 @@ def _mp4(frames: Iterator[Image.Image], rate: float, path: Path) -> bytes:
     try:
         writer = write_frames(str(draft), first.size, fps=rate, quality=7, macro_block_size=EVEN)
         writer.send(None)
-        for one in (first, *frames):
-            writer.send(one.tobytes())
+        for frame in (first, *frames):
+            writer.send(frame.tobytes())
         writer.close()
         return draft.read_bytes()
     finally:
@@ -114,7 +100,7 @@ class MovingMachine:
     def __init__(self, axes: Axes, scene: Scene, diameters: Sequence[float], colours: Sequence[str]) -> None:
         from matplotlib.collections import EllipseCollection
 
-        self.scene, self.bodies = scene, solids(axes, scene)
+        self.scene, self.bodies = scene, canvas.solids(axes, scene)
         self.outlines = [body.outline() for body in scene.body.values()]
         size = MM * np.asarray(diameters)
         self.discs = EllipseCollection(
@@ -157,7 +143,7 @@ def gif_of(frames: Iterable[Image.Image], rate: float) -> bytes:
 
     palette = Image.new("P", (1, 1))
     palette.putpalette(_colours())
-    first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in frames)
+    first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     stream = io.BytesIO()
     first.save(stream, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
     return stream.getvalue()
@@ -165,7 +151,7 @@ def gif_of(frames: Iterable[Image.Image], rate: float) -> bytes:
 
 def _colours() -> list[int]:
     """Red, green, blue of all that is shown: greys, the air's shades, and each colour with its way to white."""
-    solid = np.array([[int(one[i : i + 2], 16) for i in (1, 3, 5)] for one in (*COLOURS, STREAM, BODY)])
+    solid = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in (*COLOURS, STREAM, BODY)])
     tints = [255 - part * (255 - solid) for part in np.linspace(1.0, 0.0, TINTS, endpoint=False)]
     greys = np.repeat(np.linspace(0, 255, GREYS)[:, None], 3, axis=1)
     air = tone(np.linspace(-1.0, 1.0, 2 * LEVELS + 1))
@@ -186,7 +172,7 @@ class _Set:
         self.figure.set_dpi(size / max(self.box.width, self.box.height))
         scale = axes.get_window_extent().width / channel.width  # dots per m
         colours, least = fraction_colours(list(scene.fraction)), VISIBLE * size / scale
-        drawn = [(colours[name], Path2D.of(one)) for name, part in film.paths.items() for one in part]
+        drawn = [(colours[name], Path2D.of(track)) for name, part in film.paths.items() for track in part]
         self.paths = [path for _, path in drawn]
         sizes = [max(least, path.diameter) for path in self.paths]
         self.machine = MovingMachine(axes, scene, sizes, [colour for colour, _ in drawn])
@@ -236,24 +222,24 @@ def _still(film: Film, scene: Scene, window: Window, seconds: float) -> tuple[Fi
     """Walls, bins, the air's direction, who is who, how the film was made; and the text that is its clock."""
     from matplotlib.lines import Line2D
 
-    figure, axes, scale = canvas(window)
+    figure, axes, scale = canvas.canvas(window)
     for wall in window[:2]:
         axes.plot([MM * wall] * 2, [MM * end for end in window[2:]], color=INK, linewidth=1.3)
-    frame(axes, window, draw_bins(axes, scene, scale))
-    air_arrow(axes, scene, window)
-    streams(axes, scene)
+    canvas.frame(axes, window, canvas.draw_bins(axes, scene, scale))
+    canvas.air_arrow(axes, scene, window)
+    canvas.streams(axes, scene)
     colours = fraction_colours(list(scene.fraction))
     handles = [
         Line2D([], [], marker="o", linewidth=0, color=colours[name], label=_named(name, film.one_in[name]))
-        for name in foremost(scene, list(film.paths))
+        for name in canvas.foremost(scene, list(film.paths))
     ]
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, fontsize=9)
-    told = [
+    lines = [
         f"slowed {seconds / film.span:.3g} times",
         f"a slice of {MM * film.depth:.2g} mm",
         "granules meet" if film.met else "each flies alone",
     ]
-    text = axes.text(1.06, 0.02, "\n".join(told), transform=axes.transAxes, fontsize=8, va="bottom")
+    text = axes.text(1.06, 0.02, "\n".join(lines), transform=axes.transAxes, fontsize=8, va="bottom")
     clock = axes.annotate("0 ms", (0, 1), xycoords=text, xytext=(0, 6), textcoords="offset points", fontsize=11)
     return figure.figure, axes, clock
 
@@ -266,22 +252,13 @@ def _named(name: str, one_in: float) -> str:
 
 
 def film_part(folder: Path, _: Outcome) -> PagePart:
-    """The section of the page of a run in ``folder``."""
-    return PagePart(film_section(film_in(folder)))
+    """The section of the page of a run in ``folder`` with the newest film among its figures; empty without any."""
+    films = sorted((path for file in FILMS if (path := folder / file).exists()), key=lambda path: path.stat().st_mtime)
+    return PagePart(film_section(films[-1]) if films else f"{BEGIN}{END}")
 
 
-def film_in(folder: Path) -> Path | None:
-    """The film among the figures of a run, the newest of its formats; None without one."""
-    found = [path for file in FILMS if (path := folder / file).exists()]
-    return max(found, key=lambda path: path.stat().st_mtime, default=None)
-
-
-def film_section(film: Path | None) -> str:
-    """The section of the page between its marks, empty without a film; one that is too large, or damaged, is named, not
-    shown.
-    """
-    if film is None:
-        return f"{BEGIN}{END}"
+def film_section(film: Path) -> str:
+    """The section of the page between its marks; a film that is too large, or damaged, is named, not shown."""
     size = film.stat().st_size
     data = None if size > ON_PAGE else base64.b64encode(film.read_bytes()).decode("ascii")
     try:

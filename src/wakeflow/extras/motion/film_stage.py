@@ -68,7 +68,7 @@ class Film:
 
 def film_of(
     folder: Path | str,
-    span: float | None = None,
+    span: float = 0.0,
     fractions: Sequence[str] = (),
     listener: Listener = null_listener,
 ) -> tuple[Scene, FlowField | None, Film]:
@@ -78,20 +78,20 @@ def film_of(
     What the run's own cache still holds is not computed again. Raises SceneError where the folder holds no such run,
     and for a fraction that it has not.
     """
-    tables, asked = request_in(folder)
+    tables, request = request_in(folder)
     for name in fractions:
         if name not in tables["fraction"]:
             known = list(tables["fraction"])
             raise SceneError(f"unknown fraction {name!r}{did_you_mean(name, known)} (known: {', '.join(known)})")
     with cache_in_use(cache_root()), one_thread_of_blas():
-        pipeline, _ = stages_of(Scene.parse(tables), asked, None, listener)
+        pipeline, _ = stages_of(Scene.parse(tables), request, None, listener)
         air = None if pipeline.scene.air is None else pipeline.field[1]
         film = flown_film(pipeline, span)
     return pipeline.scene, air, replace(film, paths={name: film.paths[name] for name in fractions or film.paths})
 
 
-def flown_film(pipeline: Pipeline, span: float | None = None) -> Film:
-    """The granules that are in the machine of a ``pipeline`` over ``span`` (s), on one clock."""
+def flown_film(pipeline: Pipeline, span: float = 0.0) -> Film:
+    """The granules that are in the machine of a ``pipeline`` over ``span`` (s), on one clock; 0: one long flight."""
     return pipeline.made("film", FilmStage(pipeline).work(span))
 
 
@@ -119,9 +119,9 @@ class FilmStage:
             return steady_after(crowd, late_in(landings))
         return max(float(np.quantile(landings[name].time, LATE)) for name in self.scene.fraction)
 
-    def work(self, span: float | None) -> Work[Film]:
-        """A film of ``span`` (s) of the machine's time, by default as long as the slowest granules fly."""
-        lasting = self.start_up if span is None else span
+    def work(self, span: float) -> Work[Film]:
+        """A film of ``span`` (s) of the machine's time, 0: as long as the slowest granules fly."""
+        lasting = span or self.start_up
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
         crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
         key = lasting, rate, crowd, code_of(*CODE)

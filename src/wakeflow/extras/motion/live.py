@@ -94,14 +94,14 @@ def _flat(line: Array) -> list[float]:
 
 def _bin(scene: Scene, result: Result, name: str) -> dict[str, object]:
     """A bin's line, and what lands in it in words."""
-    found = None if result.landings is None else result.landings.separation
+    separation = None if result.landings is None else result.landings.separation
     void = result.void
-    shares = {} if found is None else {
-        one: part_text(places[name], void=void) for one, places in found.fractions.items()
+    shares = {} if separation is None else {
+        one: part_text(places[name], void=void) for one, places in separation.fractions.items()
     }  # fmt: skip
-    flow = None if found is None or void else found.throughput[name]
-    pure = {} if found is None else {
-        one: part_text(row, void=void) for one, row in (found.purity[name] or {}).items()
+    flow = None if separation is None or void else separation.throughput[name]
+    pure = {} if separation is None else {
+        one: part_text(row, void=void) for one, row in (separation.purity[name] or {}).items()
     }  # fmt: skip
     return {
         "name": name, "line": _flat(scene.bin[name].line(scene)), "shares": shares, "purity": pure, "flow": flow
@@ -112,7 +112,7 @@ def _tracks(tracks: Sequence[Track], count: int) -> list[dict[str, object]]:
     """At most ``count`` tracks at even times: when each begins (s), its step (s), and its x and y in tenths of a
     millimetre.
     """
-    found = []
+    shown = []
     for number in np.linspace(0, len(tracks) - 1, min(count, len(tracks))).astype(int):
         track = tracks[number]
         time = track["time"]
@@ -120,8 +120,8 @@ def _tracks(tracks: Sequence[Track], count: int) -> list[dict[str, object]]:
             continue
         even = np.linspace(time[0], time[-1], POINTS)
         points = np.rint(10 * MM * Path2D.of(track).at(even)[0]).astype(int)
-        found.append({"from": float(time[0]), "step": float(even[1] - even[0]), "at": points.ravel().tolist()})
-    return found
+        shown.append({"from": float(time[0]), "step": float(even[1] - even[0]), "at": points.ravel().tolist()})
+    return shown
 
 
 def _wakes(result: Result) -> dict[str, object]:
@@ -131,8 +131,8 @@ def _wakes(result: Result) -> dict[str, object]:
         return {"answer": {}, "interval": {}, "others": {}}
     fractions, others = landings.separation.fractions, dict[str, dict[str, dict[str, float]]]()
     for name, places in landings.bracket.items():
-        for place, found in places.items():
-            for wake, share in found.items():
+        for place, shares in places.items():
+            for wake, share in shares.items():
                 others.setdefault(wake, {}).setdefault(name, {})[place] = 100 * share
     return {
         "answer": {name: {place: 100 * one.value for place, one in row.items()} for name, row in fractions.items()},
@@ -154,12 +154,12 @@ def _frames(field: FlowField, window: tuple[float, float, float, float]) -> list
     )
     times = [0.0] if field.times is None else moments_of(field, FRAMES if field.period else 1).tolist()
     strongest = vorticity.strongest()
-    found = []
+    images = []
     for time in times:
         stream = io.BytesIO()
         Image.fromarray(vorticity.shaded(time, strongest)).save(stream, "JPEG", quality=QUALITY, optimize=True)
-        found.append("data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode("ascii"))
-    return found
+        images.append("data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode("ascii"))
+    return images
 
 
 STRONGEST = 97.0  # percentile of |vorticity| at which its colour is full

@@ -11,9 +11,9 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from ...cli.options import Picture, Quiet, Settings, next_to
-from ...cli.screen import has_screen
 from ...core.errors import SceneError
 from ...scene.overrides import changes_of
+from ...show.screen import has_screen
 
 MAX_SPAN = 3600.0  # s of the machine's time in a film
 PLAIN = re.compile(r"[0-9.]+(e-?[0-9]+)?")  # a number alone
@@ -82,7 +82,7 @@ def animate(
     path = out or run_folder / "figures" / f"film.{format_}"
     if path.suffix != f".{format_}":
         raise SceneError(f"--out {path}: name it *.{format_}, or ask for another --format")
-    lasting, bytes_ = None if span is None else _seconds(span), bytes_of(most)
+    lasting, bytes_ = 0.0 if span is None else _seconds(span), bytes_of(most)
     film = partial(_film, run_folder, path, lasting, fractions, quiet=quiet, seconds=seconds, size=size, most=bytes_)
     if out is not None:
         film()
@@ -101,10 +101,8 @@ def animate(
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 
 
-def _film(
-    run_folder: Path, path: Path, lasting: float | None, fractions: tuple[str, ...], *, quiet: bool, **how: Any
-) -> None:
-    """Draw the film of a finished run, ``lasting`` so many seconds of the machine's time."""
+def _film(run_folder: Path, path: Path, lasting: float, fractions: tuple[str, ...], *, quiet: bool, **how: Any) -> None:
+    """Draw the film of a finished run, ``lasting`` so many seconds of the machine's time, 0: one long flight."""
     from ...runs.progress import live
     from .film import write_film
     from .film_stage import film_of
@@ -121,9 +119,9 @@ def _seconds(span: str) -> float:
     from ...core.quantities import quantity
 
     try:
-        found = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
+        lasting = float(span) if PLAIN.fullmatch(span) else quantity(span, "s", "0.2 s")
     except ValueError as problem:
         raise SceneError(f"--span {span!r}: {problem}") from None
-    if not 0.0 < found <= MAX_SPAN:
+    if not 0.0 < lasting <= MAX_SPAN:
         raise SceneError(f"--span {span!r}: must be positive, and an hour at most")
-    return found
+    return lasting

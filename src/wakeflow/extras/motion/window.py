@@ -13,7 +13,7 @@ from ...core.errors import SceneError
 from ...core.files import atomic_write
 from ...show.canvas import BARS, BODY, fraction_colours
 from ...show.plan_words import feed_corners
-from ...show.vtk.vtk_files import machine_blocks
+from ...show.vtk import machine_blocks
 
 if TYPE_CHECKING:
     from ...scene import Scene
@@ -75,11 +75,11 @@ def _add_air(plotter: Any, run: Path) -> None:
     """The air's speed: the steady field, or the mean of the one in time; nothing where the run has no air."""
     import pyvista
 
-    found = [file for file in (run / "field.vtu", run / "mean.vtu") if file.exists()]
-    if not found:
+    files = [file for file in (run / "field.vtu", run / "mean.vtu") if file.exists()]
+    if not files:
         return
-    sums.check(run, found[0].name, ANEW)
-    grid: Any = pyvista.read(found[0])
+    sums.check(run, files[0].name, ANEW)
+    grid: Any = pyvista.read(files[0])
     velocity = np.asarray(grid.point_data["velocity (m/s)"])
     grid.point_data["air speed (m/s)"] = np.linalg.norm(velocity, axis=1)
     bar = {"title": "air speed (m/s)", "vertical": True, "height": 0.4, "color": "black"}

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.errors import SceneError
 from ...core.files import atomic_write, read_whole, toml_of
+from ...core.lazy import cached_property
 from ...core.record import JsonTable
 from ...scene import Scene
 from ...scene.messages import EVERYWHERE, units_in
@@ -22,20 +23,24 @@ if TYPE_CHECKING:
 
 DEEPEST = 500  # changes that can be undone
 LARGEST = 1_000_000  # letters of a scene
+NO_FILE = Path()
 
 
 @dataclass(frozen=True)
 class Look:
-    """What a text says: its tables where it is TOML, the scene where that is right, else what is wrong, a line each."""
+    """What a text says: its tables where it is ``toml``, the scene where that is right, else what is wrong, a line
+    each.
+    """
 
-    data: JsonTable | None
+    data: JsonTable
     scene: Scene | None
     mistake: str = ""
+    toml: bool = True
 
     @property
     def units(self) -> dict[str, str]:
         """The units that it is written in."""
-        return units_in(self.data or {})
+        return units_in(self.data)
 
 
 def as_item(text: str) -> Item:
@@ -51,19 +56,20 @@ def as_item(text: str) -> Item:
 
 @dataclass
 class SceneDocument:
-    """A scene's ``text``, the file that it is ``saved`` in, None while it has none, and what paths in it start from."""
+    """A scene's ``text``, the file that it is ``saved`` in, NO_FILE while it has none, and what paths in it start
+    from.
+    """
 
     text: str
-    path: Path | None = None
+    path: Path = NO_FILE
     base: Path = field(default_factory=Path)
     name: str = "scene"
     version: int = 1
-    saved: str | None = None  # the text as it is on the disk
+    saved: str = ""  # the text as it is on the disk
     conflict: bool = False  # the file has changed on the disk, and so has the text here
     gesture: str = ""  # what made the last change, where that has a name
     _before: list[str] = field(default_factory=list)
     _after: list[str] = field(default_factory=list)
-    _looked: tuple[str, Look] | None = None
 
     @classmethod
     def load(cls, path: Path) -> SceneDocument:
@@ -76,12 +82,10 @@ class SceneDocument:
         """Whether the text differs from what is on the disk."""
         return self.text != self.saved
 
-    @property
+    @cached_property
     def look(self) -> Look:
         """What the text says now."""
-        if self._looked is None or self._looked[0] != self.text:
-            self._looked = self.text, _look(self.text, self.path or Path(f"{self.name}.toml"), self.base)
-        return self._looked[1]
+        return _look(self.text, f"{self.name}.toml" if self.path == NO_FILE else self.path.name, self.base)
 
     # -- changes -------------------------------------------------------------------------------------------------------
     def write(self, text: str, gesture: str = "") -> None:
@@ -128,6 +132,7 @@ class SceneDocument:
 
     def _become(self, text: str) -> None:
         self.text, self.version = text, self.version + 1
+        vars(self).pop("look", None)
 
     def _document(self) -> TOMLDocument:
         import tomlkit
@@ -139,12 +144,12 @@ class SceneDocument:
             raise SceneError(f"the text is no valid TOML, mend it first: {problem}") from None
 
     # -- the file ------------------------------------------------------------------------------------------------------
-    def save(self, path: Path | None = None) -> None:
+    def save(self, path: Path = NO_FILE) -> None:
         """Write the text to its file, or to a new one. Raises SceneError where there is no name, where the file was
         changed by someone else, and where a new name is taken.
         """
-        target = path or self.path
-        if target is None:
+        target = self.path if path == NO_FILE else path
+        if target == NO_FILE:
             raise SceneError("this scene has no file yet: give a name")
         if target != self.path and os.path.lexists(target):
             raise SceneError(f"{target} exists; choose another name")
@@ -164,7 +169,7 @@ class SceneDocument:
         """Take in a file that another program has changed, as a change that can be undone; where the text here was
         changed too, only note it. Returns whether anything is new.
         """
-        if self.path is None:
+        if self.path == NO_FILE:
             return False
         if not self.path.exists():  # saving makes it anew
             ended, self.conflict = self.conflict, False
@@ -186,7 +191,7 @@ class SceneDocument:
 
     def settle(self, *, keep: bool) -> None:
         """End a conflict: ``keep`` the text here, to be saved over the file's, or take that of the file."""
-        if self.path is None or not self.conflict:
+        if self.path == NO_FILE or not self.conflict:
             return
         self.saved, self.conflict = _read(self.path), False
         self.version += 1
@@ -225,14 +230,14 @@ def _read(path: Path) -> str:
     return text
 
 
-def _look(text: str, path: Path, base: Path) -> Look:
+def _look(text: str, name: str, base: Path) -> Look:
     """As :meth:`Scene.load` reads a file."""
     try:
-        data = toml_of(text, path.name)
+        data = toml_of(text, name)
     except SceneError as problem:
-        return Look(None, None, str(problem))
+        return Look({}, None, str(problem), toml=False)
     try:
-        return Look(data, Scene.parse(data, path.name, base, EVERYWHERE))
+        return Look(data, Scene.parse(data, name, base, EVERYWHERE))
     except SceneError as problem:
         return Look(data, None, "\n".join(problem.mistakes) or str(problem))
 

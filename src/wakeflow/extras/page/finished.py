@@ -10,27 +10,31 @@ import shutil
 import tempfile
 import threading
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ...answer.budget.agreement import judged
-from ...answer.dividers import StoredLandings
-from ...answer.result import FILE, VOID, Result
+from ...answer.result import FILE, VOID, Result, kept_granules
 from ...answer.result_table import difference_of
 from ...answer.shares import Separation
 from ...core.errors import SceneError
 from ...core.number import Number
 from ...many.comparison import compare
+from ...scene import Scene
+from ...scene.bins import SIDES
 from ...show.canvas import fraction_colours
 from ...show.many_figures import main_quantities
 from ...show.moving import Path2D
 from ...show.sketch import sketch_svg
 from ...show.views import outcome_of
 from ...show.words import calibrated_with, difference_text, percent, rate_words, verdict_lines
+from ..dividers.dividers import LEVEL, ON_LINE
 from .handles import step_of
 from .stored import differs, inside, parts_of, points_of, runs_below, scene_of
 
@@ -40,13 +44,60 @@ KEPT = 8  # finished runs whose landings are kept in memory
 CALIBRATED = "-calibrated"  # ends the name of the folder of a run's calibration
 
 
+@dataclass(frozen=True)
+class StoredLandings:
+    """The landings of a run on the sides of its channel: ``side`` (n,) index into SIDES or -1, ``place`` (n,) m along
+    it, ``fraction`` (n,) index, ``weight`` (n,) of each fraction's mass, which sum to 1 in each.
+    """
+
+    result: Result
+    scene: Scene
+    side: NDArray[np.int64]
+    place: NDArray[np.float64]
+    fraction: NDArray[np.int64]
+    weight: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, result: Result) -> StoredLandings:
+        """Those that a run keeps. Raises SceneError where it ended before its shares, or keeps none."""
+        if result.landings is None:
+            raise SceneError(f"{result.folder} holds no shares: the run ended before them")
+        scene, data = Scene.parse(result.scene).with_top(), kept_granules(result.folder)
+        x, y = np.asarray(data["position"]).T
+        gaps = np.abs([(y if side in LEVEL else x) - scene.channel.sides[side] for side in SIDES])
+        side = np.where(gaps.min(axis=0) <= ON_LINE, gaps.argmin(axis=0), -1)
+        names = list(scene.fraction)
+        fraction = np.array([names.index(name) for name in data["names"]])[data["fraction"]]
+        weight = np.asarray(data["weight"], dtype=float)
+        sums = np.bincount(fraction, weight, minlength=len(names))
+        return cls(result, scene, side, np.where(side < 2, x, y), fraction, weight / sums[fraction])
+
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """The run's own dividers: from and to (m) of each bin that is open on a side."""
+        return {name: bin_.ends for name, bin_ in self.scene.on_sides().items() if bin_.keeps_part is None}
+
+    def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
+        """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
+        sides: dict[str, dict[str, list[float]]] = {}
+        for on in dict.fromkeys(bin_.on for bin_ in self.scene.on_sides().values()):
+            number = SIDES.index(on)
+            span = self.scene.channel.span(on)
+            here = self.side == number
+            sides[on] = {
+                name: np.histogram(self.place[mine], cells, span, weights=self.weight[mine])[0].tolist()
+                for i, name in enumerate(self.scene.fraction)
+                for mine in [here & (self.fraction == i)]
+            }
+        return sides
+
+
 class FinishedRuns:
     """The runs below the folder ``runs``; one at a time is drawn, under the lock ``drawing``."""
 
     def __init__(self, runs: Path, drawing: threading.Lock) -> None:
         self.runs = runs
         self._drawing = drawing  # matplotlib's fonts are everyone's
-        self._landings: dict[Path, StoredLandings] = {}
         self._compared = Path(tempfile.mkdtemp(prefix="wakeflow-page-"))
 
     def close(self) -> None:
@@ -78,24 +129,17 @@ class FinishedRuns:
 
     def _stored(self, name: str) -> StoredLandings:
         folder = self.folder(name)
-        made = (folder / FILE).stat().st_mtime_ns
-        key = folder / str(made)
-        if key not in self._landings:
-            while len(self._landings) >= KEPT:
-                del self._landings[next(iter(self._landings))]
-            self._landings[key] = StoredLandings.of(Result.load(folder))
-        return self._landings[key]
+        return _landings_in(folder, (folder / FILE).stat().st_mtime_ns)
 
     def landings(self, *, run: str) -> dict[str, object]:
         """Of a finished ``run``: where its granules landed, its dividers, its shares."""
         stored = self._stored(run)
         scene, channel = stored.scene, stored.scene.channel
         with self._drawing:
-            drawn = sketch_svg(scene)
+            drawn = vars(sketch_svg(scene))
         return {
-            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale,
-            "walls": channel.sides,
-            "run": run, "folder": str(stored.result.folder), "calibrated": calibrated_with(stored.result),
+            **drawn, "walls": channel.sides, "run": run, "folder": str(stored.result.folder),
+            "calibrated": calibrated_with(stored.result),
             "report": (stored.result.folder / "report.html").is_file(),
             "protocol": (stored.result.folder / "protocol.html").is_file(),
             "colours": fraction_colours(list(scene.fraction)),
@@ -117,20 +161,20 @@ class FinishedRuns:
         return self._answer(self._stored(run), ends)
 
     def _answer(self, stored: StoredLandings, ends: Ends) -> dict[str, object]:
-        found, void = stored.result.between(ends).shares, stored.result.void
+        shares, void = stored.result.between(ends).shares, stored.result.void
 
         def cells(numbers: Mapping[str, Number | None]) -> dict[str, object]:
             return {
-                key: None if one is None else [one.value, *one.ends, percent(one, void=void)]
-                for key, one in numbers.items()
+                key: None if number is None else [number.value, *number.ends, percent(number, void=void)]
+                for key, number in numbers.items()
             }
 
         return {
-            "shares": {name: cells(row) for name, row in found.fractions.items()},
-            "purity": {place: cells(row) for place, row in found.purity.items() if row},
-            **{kind: cells(getattr(found, kind)) for kind in ("recovery", "loss", "dirt")},
-            "lost": {name: rate_words(one, void=void) for name, one in found.lost.items()},
-            "limits": _verdicts(stored, ends, found),
+            "shares": {name: cells(row) for name, row in shares.fractions.items()},
+            "purity": {place: cells(row) for place, row in shares.purity.items() if row},
+            **{kind: cells(getattr(shares, kind)) for kind in ("recovery", "loss", "dirt")},
+            "lost": {name: rate_words(number, void=void) for name, number in shares.lost.items()},
+            "limits": _verdicts(stored, ends, shares),
         }
 
     def before(self, *, run: str) -> dict[str, object]:
@@ -150,39 +194,45 @@ class FinishedRuns:
         table = compare([self.folder(names[place + other]), self.folder(run)]).table
         first, last = table.entries
         void = [one.reason == VOID for one in table.entries]
-        found = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
+        differences = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
         return {
             "run": run, "other": rows[place + other], "differs": apart,
             "rows": [
                 [name.replace(".", " of ", 1).replace(".", ", "), percent(first.by_name.get(name), void=void[0]),
                  percent(last.by_name.get(name), void=void[1]),
                  VOID if any(void) else "" if one is None else difference_text(one), one is not None and one.clear]
-                for name, one in found
+                for name, one in differences
             ],
         }  # fmt: skip
 
     def compare(self, *, runs: tuple[str, ...]) -> dict[str, object]:
         """Write the page of several ``runs`` side by side; returns its name."""
-        found = compare([self.folder(name) for name in runs])
+        comparison = compare([self.folder(name) for name in runs])
         place = Path(tempfile.mkdtemp(dir=self._compared))
         with self._drawing:
-            found.write(place)
-        return {"page": place.name, "differs": {key: [str(entry.inputs.get(key, "")) for entry in found.table.entries]
-                                                for key in found.table.inputs}}  # fmt: skip
+            comparison.write(place)
+        table = comparison.table
+        differing = {key: [str(entry.inputs.get(key, "")) for entry in table.entries] for key in table.inputs}
+        return {"page": place.name, "differs": differing}
 
     def sweep(self, *, sweep: str) -> dict[str, object]:
         """A sweep's points."""
         return points_of(inside(self.runs, sweep))
 
 
-def _verdicts(stored: StoredLandings, ends: Ends, found: Separation) -> list[str]:
+@lru_cache(KEPT)
+def _landings_in(folder: Path, _: int) -> StoredLandings:
+    return StoredLandings.of(Result.load(folder))
+
+
+def _verdicts(stored: StoredLandings, ends: Ends, shares: Separation) -> list[str]:
     """Of each limit of a run whether it is kept with its bins between ``ends``, in the words of the report."""
     result = stored.result
     if dict(ends) == stored.ends:
         return verdict_lines(result)
-    parts = {"loss": found.loss, "dirt": found.dirt}
-    now = [(one, parts[kind].get(of)) for one in result.limits for kind, _, of in [one.limit.partition(".")]]
-    moved = [replace(one, value=value, verdict=judged(result, value, one.most), decides="") for one, value in now]
+    parts = {"loss": shares.loss, "dirt": shares.dirt}
+    now = [(limit, parts[kind].get(of)) for limit in result.limits for kind, _, of in [limit.limit.partition(".")]]
+    moved = [replace(limit, value=value, verdict=judged(result, value, limit.most), decides="") for limit, value in now]
     return verdict_lines(replace(result, limits=tuple(moved)))
 
 
@@ -194,20 +244,22 @@ def within(result: Result) -> dict[str, object]:
     """By fraction the places (m) of some tracks; the mean ``air`` as rows x, y (m), u, v (m/s), none without air.
     Raises SceneError where the run left no report to draw from.
     """
-    found = outcome_of(result)
-    channel = found.scene.channel
+    outcome = outcome_of(result)
+    channel = outcome.scene.channel
     step = (channel.top - channel.bottom) / CORNERS
     tracks = {
-        name: [np.round(_thinned(path.at(path.moments(step))[0]), 5).tolist() for path in map(Path2D.of, own[:TRACKS])]
-        for name, own in found.tracks.items()
+        name: [
+            np.round(_thinned(path.at(path.moments(step))[0]), 5).tolist() for path in map(Path2D.of, drawn[:TRACKS])
+        ]
+        for name, drawn in outcome.tracks.items()
     }
-    if found.field is None:
+    if outcome.field is None:
         return {"tracks": tracks, "air": []}
     step = channel.width / ACROSS
     x = np.arange(-channel.width / 2 + step / 2, channel.width / 2, step)
     y = np.arange(channel.bottom + step / 2, channel.top, step)
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    velocity = found.field.mean().sample(points)[0]
+    velocity = outcome.field.mean().sample(points)[0]
     rows = np.hstack([points, velocity])[np.isfinite(velocity).all(axis=1)]
     return {"tracks": tracks, "air": np.round(rows, 5).tolist()}
 

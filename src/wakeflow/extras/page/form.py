@@ -8,16 +8,8 @@ from typing import Any
 from ...core.record import JsonTable
 from ...laws.material import materials
 from ...laws.shape import shapes
-from ...scene.schema import (
-    Node,
-    Place,
-    allowed_range,
-    described,
-    known_keys,
-    named_tables,
-    scene_schema,
-    unit_and_example,
-)
+from ...scene import schema
+from ...scene.schema import Node, Place, described, known_keys, named_tables
 
 OPEN = ("force", "uncertainty")  # whose keys are the user's
 # What a new table begins with; numbers are lengths, in widths of the channel
@@ -35,9 +27,8 @@ def form_of(data: JsonTable) -> list[dict[str, object]]:
     """The groups of fields of a scene's ``data`` as tomlkit reads it, in the order of its tables; a table in one line
     is one field.
     """
-    absent: JsonTable = {
-        name: {} for name in scene_schema()["properties"] if name not in data and known_keys(described((name,), data))
-    }
+    every = schema.scene_schema()["properties"]
+    absent: JsonTable = {name: {} for name in every if name not in data and known_keys(described((name,), data))}
     groups = [group for name, value in {**data, **absent}.items() for group in _groups((name,), value, data)]
     loose = {"table": "", "about": "", "fields": [_field(("materials",), data)], "removable": False}
     return [*groups, loose]
@@ -85,13 +76,13 @@ def _groups(place: Place, value: Any, data: JsonTable) -> Iterator[dict[str, obj
 def _field(place: Place, data: JsonTable) -> dict[str, object]:
     """One key: what is typed, its unit, what it means and what it may be."""
     node = described(place, data)
-    unit, example = unit_and_example(node) or ("", "")
+    unit, example = schema.unit_and_example(node) or ("", "")
     return {
         "key": ".".join(map(str, place)),
         "label": str(place[-1]),
         "value": _typed(place, data),
         "about": node.get("description", ""),
-        "hint": example or allowed_range(node, unit) or _default(node),
+        "hint": example or schema.allowed_range(node, unit) or _default(node),
         "choices": _choices(place, node, data),
     }
 
@@ -124,9 +115,9 @@ def _choices(place: Place, node: Node, data: JsonTable) -> list[str]:
             return list(materials)
         case ("fraction", _, "target"):
             return list(data.get("bin", {}))
-    found: list[str] = []
-    for one in (node, *node.get("anyOf", ())):
-        found += map(str, one.get("enum", ()))
-        if one.get("type") == "boolean":
-            found += ["true", "false"]
-    return found
+    choices: list[str] = []
+    for kind in (node, *node.get("anyOf", ())):
+        choices += map(str, kind.get("enum", ()))
+        if kind.get("type") == "boolean":
+            choices += ["true", "false"]
+    return choices

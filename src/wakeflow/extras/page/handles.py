@@ -41,13 +41,13 @@ def step_of(scene: Scene) -> float:
     """The length (m) that drags are rounded to: 1, 2 or 5 times a power of ten."""
     wanted = scene.channel.width / STEPS
     power = 10.0 ** math.floor(math.log10(wanted))
-    return min((power * one for one in (1.0, 2.0, 5.0, 10.0)), key=lambda one: abs(math.log(one / wanted)))
+    return min((power * step for step in (1.0, 2.0, 5.0, 10.0)), key=lambda step: abs(math.log(step / wanted)))
 
 
 def handles_of(scene: Scene) -> dict[str, Handle]:
     """All handles of a machine by name."""
     parts = (_channel(scene), _bodies(scene), _feed(scene), _bins(scene), _inlets(scene))
-    return {one.name: one for part in parts for one in part}
+    return {handle.name: handle for part in parts for handle in part}
 
 
 def dragged(handle: Handle, scene: Scene, data: JsonTable, x: float, y: float) -> dict[str, str]:
@@ -61,7 +61,7 @@ def dragged(handle: Handle, scene: Scene, data: JsonTable, x: float, y: float) -
 
 def _rounded(value: object, step: float) -> object:
     if isinstance(value, list):
-        return [_rounded(one, step) for one in value]
+        return [_rounded(part, step) for part in value]
     assert isinstance(value, float)
     return step * round(value / step)
 
@@ -173,8 +173,8 @@ def _feed(scene: Scene) -> Iterator[Handle]:
 def _bins(scene: Scene) -> Iterator[Handle]:
     """A divider moves the ends of the bins on both of its sides; corners of a line of points move alone."""
     joined: dict[tuple[str, float], list[tuple[str, tuple[float, float], Grip]]] = {}
-    for name, one in scene.bin.items():
-        for grip in one.grips(scene):
+    for name, bin_ in scene.bin.items():
+        for grip in bin_.grips(scene):
             key, at = f"bin.{name}.{grip.key}", (round(float(grip.at[0]), 9), round(float(grip.at[1]), 9))
             if grip.joins is not None:
                 joined.setdefault(grip.joins, []).append((key, at, grip))

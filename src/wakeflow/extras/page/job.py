@@ -72,7 +72,7 @@ def _done(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:
     if ask["options"].get("quick"):
         scene, how = quick_settings(scene, how)
     work = task_of(ask["kind"], scene, ask["typed"], Path(ask["files"]))
-    return work(Path(ask["folder"]), listener, listener.planned, how)
+    return work(Path(ask["folder"]), {"listener": listener, **how})
 
 
 def _calibrated(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:
@@ -80,10 +80,13 @@ def _calibrated(scene: Scene, ask: dict[str, Any], listener: _InJson) -> str:
     from ..trays.calibration import calibrate
 
     how = {"listener": listener, "planned": listener.planned, **ask["options"]}
-    found = calibrate(scene, ask["measured"], ask["folder"], **how)
-    told = [f"{key} {one.value:.3g} ({one.low:.3g} to {one.high:.3g})" for key, one in found.inputs.items()
-            if one.narrower < NARROWER]  # fmt: skip
-    return f"{found.agreement.sentence} {'; '.join(told) or 'No number of the scene became narrower'}."
+    posterior = calibrate(scene, ask["measured"], ask["folder"], **how)
+    narrower = [
+        f"{key} {input_.value:.3g} ({input_.low:.3g} to {input_.high:.3g})"
+        for key, input_ in posterior.inputs.items()
+        if input_.narrower < NARROWER
+    ]
+    return f"{posterior.agreement.sentence} {'; '.join(narrower) or 'No number of the scene became narrower'}."
 
 
 if __name__ == "__main__":

@@ -33,6 +33,7 @@ def open_(
 
     if find_spec("tornado") is None:
         raise SceneError("the page needs tornado: pip install 'wakeflow-separation[page]', or sh cases/setup.sh")
-    from .server import open_page
+    from .server import PORTS, open_page
 
-    open_page(what, port=port, browser=browser, ready=lambda address: print(address, flush=True))
+    ports = PORTS if port is None else [port]
+    open_page(what, ports=ports, browser=browser, ready=lambda address: print(address, flush=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -65,16 +65,16 @@ class RunQueue:
     @property
     def busy(self) -> bool:
         """Whether a run is computed or waits."""
-        return any(one.state in (WAITS, GOES) for one in self.runs)
+        return any(run.state in (WAITS, GOES) for run in self.runs)
 
     def add(self, **asked: Any) -> Run:
         """Put a run at the end. Raises SceneError where one that is not over writes to the same folder."""
         with self._wake:
             folder = asked["folder"]
-            if any(one.folder == folder and one.state in (WAITS, GOES) for one in self.runs):
+            if any(run.folder == folder and run.state in (WAITS, GOES) for run in self.runs):
                 raise SceneError(f"a run into {folder} is on its way; choose another name")
-            self.runs = [one for one in self.runs if one.folder != folder]
-            made = Run(1 + max((one.number for one in self.runs), default=0), **asked)
+            self.runs = [run for run in self.runs if run.folder != folder]
+            made = Run(1 + max((run.number for run in self.runs), default=0), **asked)
             self.runs.append(made)
             self._wake.notify_all()
         self._changed()
@@ -83,96 +83,95 @@ class RunQueue:
     def stop(self, number: int) -> None:
         """End a run; what is finished is kept, and it goes on from there."""
         with self._wake:
-            one = self._find(number)
-            if one.state == WAITS:
-                one.state = STOPPED
-            elif one.state == GOES:
+            run = self._find(number)
+            if run.state == WAITS:
+                run.state = STOPPED
+            elif run.state == GOES:
                 self._stop.add(number)
         self._changed()
 
     def go_on(self, number: int) -> None:
         """Compute a run that was stopped, or has failed, from where it ended."""
         with self._wake:
-            one = self._find(number)
-            if one.state in (STOPPED, FAILED):
-                one.state, one.told, one.progress = WAITS, "", {}
+            run = self._find(number)
+            if run.state in (STOPPED, FAILED):
+                run.state, run.told, run.progress = WAITS, "", {}
                 self._wake.notify_all()
         self._changed()
 
     def drop(self, number: int) -> None:
         """Take a run that is not computed off the list; what it has left stays."""
         with self._wake:
-            one = self._find(number)
-            if one.state == GOES:
-                raise SceneError(f"{one.name} is computed; stop it first")
-            self.runs.remove(one)
+            run = self._find(number)
+            if run.state == GOES:
+                raise SceneError(f"{run.name} is computed; stop it first")
+            self.runs.remove(run)
         self._changed()
 
     def close(self) -> None:
         """End what is computed, and the thread."""
         with self._wake:
             self._over = True
-            self._stop |= {one.number for one in self.runs if one.state == GOES}
+            self._stop |= {run.number for run in self.runs if run.state == GOES}
             self._wake.notify_all()
         self._thread.join()
 
     def _find(self, number: int) -> Run:
-        found = next((one for one in self.runs if one.number == number), None)
-        if found is None:
+        match = next((run for run in self.runs if run.number == number), None)
+        if match is None:
             raise SceneError(f"no run {number} in the list")
-        return found
+        return match
 
-    def _next(self) -> Run | None:
-        """The next run that waits, as soon as there is one; None at the end of the thread."""
-        with self._wake:
-            while not self._over:
-                waiting = next((one for one in self.runs if one.state == WAITS), None)
-                if waiting is not None:
-                    waiting.state = GOES
-                    return waiting
-                self._wake.wait()
-        return None
+    def _waiting(self) -> Iterator[Run]:
+        """Each run that waits, as soon as there is one, until the end of the thread."""
+        while not self._over:
+            with self._wake:
+                self._wake.wait_for(lambda: self._over or any(run.state == WAITS for run in self.runs))
+                ready = [] if self._over else [run for run in self.runs if run.state == WAITS][:1]
+                for run in ready:
+                    run.state = GOES
+            yield from ready
 
     def _work(self) -> None:
-        while (one := self._next()) is not None:
+        for run in self._waiting():
             self._changed()
             try:
-                state, told = self._compute(one)
+                state, told = self._compute(run)
             except (OSError, ValueError) as problem:  # as of a full /tmp: the next run may go better
                 state, told = FAILED, str(problem)
             with self._wake:
-                self._stop.discard(one.number)
-                one.state, one.told = state, told
+                self._stop.discard(run.number)
+                run.state, run.told = state, told
             self._changed()
 
-    def _compute(self, one: Run) -> tuple[str, str]:
+    def _compute(self, run: Run) -> tuple[str, str]:
         """How a run ended, and what there is to say of it."""
         last: dict[str, Any] = {}
 
         def hear(line: str) -> None:
-            self._check(one)
+            self._check(run)
             if line.startswith("{"):
                 last.clear()
                 last.update(json.loads(line))
                 if "stage" in last:
-                    one.progress = dict(last)
+                    run.progress = dict(last)
                     self._changed()
 
         with TemporaryDirectory(prefix="wakeflow-") as place:
             ask, log = Path(place, "ask.json"), Path(place, "log")
-            asked = {"text": one.text, "name": one.scene, "base": str(one.base.absolute()), "changes": one.changes,
-                     "options": one.options, "folder": str(one.folder), "measured": one.measured, "kind": one.kind,
-                     "typed": one.typed, "files": str(one.files.absolute())}  # fmt: skip
-            ask.write_text(json.dumps(asked))
+            request = {"text": run.text, "name": run.scene, "base": str(run.base.absolute()), "changes": run.changes,
+                     "options": run.options, "folder": str(run.folder), "measured": run.measured, "kind": run.kind,
+                     "typed": run.typed, "files": str(run.files.absolute())}  # fmt: skip
+            ask.write_text(json.dumps(request))
             command = [sys.executable, "-P", "-m", "wakeflow.extras.page.job", str(ask)]
             try:
-                run_program(command, cwd=Path.cwd(), log=log, on_line=hear, on_idle=lambda _: self._check(one))
+                run_program(command, cwd=Path.cwd(), log=log, on_line=hear, on_idle=lambda _: self._check(run))
             except _Stop:
                 return STOPPED, "what is finished is kept; it goes on from there"
             except ProgramError as problem:
                 return FAILED, str(last.get("failed") or problem.tail.strip().rpartition("\n")[2] or problem)
         return DONE, str(last.get("done", ""))
 
-    def _check(self, one: Run) -> None:
-        if one.number in self._stop:
+    def _check(self, run: Run) -> None:
+        if run.number in self._stop:
             raise _Stop

@@ -16,7 +16,7 @@ import secrets
 import signal
 import sys
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
@@ -31,15 +31,14 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from ...core.errors import SceneError, WakeflowError
 from ...core.sources import PACKAGE
-from .session import Session
+from .session import RUNS, Session
 
 HERE = Path(__file__).parent
 STYLE = PACKAGE / "show" / "html" / "style.css"  # colours and tables are the report's
 FILES = {"": HERE / "page.html", "style.css": STYLE}
 FILES |= {name: HERE / name for name in ("page.css", "core.js", "page.js", "machine.js", "results.js", "search.js")}
 ADDRESS = "127.0.0.1"
-PORT = 8765  # the first that is tried
-PORTS = 50
+PORTS = range(8765, 8815)  # that are tried
 LARGEST = 4_000_000  # bytes of a request
 QUIET = 4.0  # s without a page, a run or a request after which the server ends
 WATCH = 1.0  # s between looks at the scene file
@@ -55,7 +54,7 @@ SLOW = ("plan", "inside", "before", "compare")  # actions that no other waits fo
 class Page:
     """A session that is served: its open pages hear what changes; it ends when none is left and nothing is computed."""
 
-    def __init__(self, what: Path | None, *, runs: Path | None = None) -> None:
+    def __init__(self, what: Path | None, *, runs: Path = RUNS) -> None:
         self.token, self.once = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
         self.loop = asyncio.get_running_loop()
         self.ended = asyncio.Event()
@@ -76,8 +75,8 @@ class Page:
         """What leads to the page once: a browser's command line, with the address in it, is seen by all users."""
         return f"http://{ADDRESS}:{self.port}/once/{self.once}"
 
-    def listen(self, port: int | None) -> None:
-        """Take a ``port``, or the first free one. Raises SceneError where there is none."""
+    def listen(self, ports: Sequence[int]) -> None:
+        """Take the first of ``ports`` that is free, 0 any. Raises SceneError where there is none."""
         routes = {
             r"/once/(.*)": _Once, r"/([^/]*)/(events)": _News, r"/([^/]*)/(.*)": _Handler, r".*": _Nothing,
         }  # fmt: skip
@@ -85,16 +84,16 @@ class Page:
             [(path, kind, {"page": self}) for path, kind in routes.items()], log_function=_log,
             websocket_ping_interval=ALIVE,
         )  # fmt: skip
-        for tried in [port] if port is not None else range(PORT, PORT + PORTS):
+        for port in ports:
             try:
-                sockets = bind_sockets(tried, ADDRESS)
+                sockets = bind_sockets(port, ADDRESS)
             except OSError:
                 continue
             self._server = HTTPServer(application, max_body_size=LARGEST)
             self._server.add_sockets(sockets)
             self.port = sockets[0].getsockname()[1]
             return
-        raise SceneError(f"port {port or PORT} is taken; choose another: --port 0 takes any that is free")
+        raise SceneError(f"port {ports[0]} is taken; choose another: --port 0 takes any that is free")
 
     def say(self, kind: str, data: dict[str, object]) -> None:
         """Tell every open page; from any thread."""
@@ -173,8 +172,8 @@ class _Guarded(RequestHandler):
 
     def write_error(self, status_code: int, **_: Any) -> None:
         self.set_header("Content-Type", "text/plain; charset=utf-8")
-        told = {403: "Open the address that wakeflow open has printed.\n", 404: "There is nothing here.\n"}
-        self.finish(told.get(status_code, f"{status_code}\n"))
+        words = {403: "Open the address that wakeflow open has printed.\n", 404: "There is nothing here.\n"}
+        self.finish(words.get(status_code, f"{status_code}\n"))
 
     def log_exception(self, kind: Any, value: Any, trace: Any) -> None:
         if not isinstance(value, HTTPError):
@@ -250,32 +249,21 @@ class _Handler(_Known):
 
     def get(self, _: str, path: str) -> None:
         first, _, rest = path.partition("/")
-        if path in FILES:
-            self._file(FILES[path])
-        elif first in REPORTS and rest:
-            self._report(rest.removesuffix("/"), REPORTS[first])
-        elif first == "figure" and rest:
-            self._figure(rest)
-        else:
-            raise HTTPError(404)
-
-    def _file(self, path: Path) -> None:
-        self.set_header("Content-Type", f"{mimetypes.guess_type(path.name or 'page.html')[0]}; charset=utf-8")
-        self.finish(path.read_bytes())
-
-    def _figure(self, name: str) -> None:
+        finished = self.page.session.finished
         try:
-            self._file(self.page.session.finished.figure(name))
+            if path in FILES:
+                file = FILES[path]
+            elif first in REPORTS and rest:
+                file = finished.file(rest.removesuffix("/"), REPORTS[first])
+                self.set_header("Content-Security-Policy", REPORT)
+            elif first == "figure" and rest:
+                file = finished.figure(rest)
+            else:
+                raise HTTPError(404)
         except SceneError:
             raise HTTPError(404) from None
-
-    def _report(self, name: str, kind: str) -> None:
-        try:
-            path = self.page.session.finished.file(name, kind)
-        except SceneError:
-            raise HTTPError(404) from None
-        self.set_header("Content-Security-Policy", REPORT)
-        self._file(path)
+        self.set_header("Content-Type", f"{mimetypes.guess_type(file.name or 'page.html')[0]}; charset=utf-8")
+        self.finish(file.read_bytes())
 
     async def post(self, _: str, name: str) -> None:
         try:
@@ -297,21 +285,20 @@ class _Handler(_Known):
 
 
 def open_page(
-    what: Path | None, *, port: int | None = None, browser: bool = True,
+    what: Path | None, *, ports: Sequence[int] = PORTS, browser: bool = True,
     ready: Callable[[str], object] = print,
 ) -> None:  # fmt: skip
     """Serve the page of a scene, a run or a folder until its last page is closed or the process is interrupted.
 
-    ``ready`` hears the address. Raises SceneError where ``what`` is
-    nothing.
+    ``ready`` hears the address. Raises SceneError where ``what`` is nothing.
     """
-    asyncio.run(_serve(what, port, browser, ready))
+    asyncio.run(_serve(what, ports, browser, ready))
 
 
-async def _serve(what: Path | None, port: int | None, browser: bool, ready: Callable[[str], object]) -> None:
+async def _serve(what: Path | None, ports: Sequence[int], browser: bool, ready: Callable[[str], object]) -> None:
     page = Page(what)
     try:
-        page.listen(port)
+        page.listen(ports)
     except SceneError:
         page.session.close()
         raise

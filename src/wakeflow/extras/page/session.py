@@ -22,10 +22,11 @@ from ...core.store import cache_root
 from ...runs.planned import make_plan
 from ...runs.progress import on_this_machine
 from ...scene import Scene
+from ...scene.changes import template_of
 from ...show.plan_words import cost_words, plan_lines
 from ...show.sketch import sketch_svg
 from ..search.task import quantities_to_seek
-from .document import SceneDocument, merged
+from .document import NO_FILE, SceneDocument, merged
 from .finished import CALIBRATED, FinishedRuns, Place
 from .form import addable, first_keys, form_of
 from .handles import dragged, handles_of, step_of
@@ -37,24 +38,25 @@ if TYPE_CHECKING:
     from ...planning.plan import Plan
 
 Say = Callable[[str, dict[str, object]], None]  # tells every open page: kind, data
+RUNS = Path("runs")
 checked = validate_call(config=ConfigDict(allow_inf_nan=False))
 
 
 class Session:
     """The state behind the page; ``say`` is called from any thread. Actions of one kind come one at a time."""
 
-    def __init__(self, what: Path | None, say: Say, runs: Path | None = None) -> None:
-        self.home, self.runs = Path.cwd(), runs or Path("runs")
+    def __init__(self, what: Path | None, say: Say, runs: Path = RUNS) -> None:
+        self.home, self.runs = Path.cwd(), runs
         self._say = say
         self._drawing = threading.Lock()  # matplotlib's fonts are everyone's
-        self.shown: str | None = None  # the run that the page was opened for
+        self.shown = ""  # the run that the page was opened for
         self.document = self._first(what)
         self.finished = done = FinishedRuns(self.runs, self._drawing)
         self.queue = RunQueue(self._queue_changed)
         self._drawn: dict[str, object] = {}
         self._planned: dict[str, object] = {}
         self._held: Scene | None = None  # what is dragged is dragged from there
-        self.actions = {one.__name__: checked(one) for one in (
+        self.actions = {action.__name__: checked(action) for action in (
             self.state, self.edit, self.save, self.settle, self.open, self.plan, self.run, self.job, self.list,
             self.measured, done.landings, done.inside, done.dividers, done.before, done.compare, done.sweep,
         )}  # fmt: skip
@@ -99,7 +101,7 @@ class Session:
             self._drawn = self._draw(look.scene, look.units)
         return {
             "version": document.version, "text": document.text, "name": document.name,
-            "file": None if document.path is None else str(document.path), "changed": document.changed,
+            "file": None if document.path == NO_FILE else str(document.path), "changed": document.changed,
             "conflict": document.conflict, "mistake": look.mistake, "undo": undo, "redo": redo,
             **self._form(), **self._drawn,
         }  # fmt: skip
@@ -108,23 +110,23 @@ class Session:
         """The fields as they are written; None where the text is no TOML."""
         import tomlkit
 
-        if self.document.look.data is None:
+        if not self.document.look.toml:
             return {"form": None, "addable": []}
         data = tomlkit.parse(self.document.text)
         return {"form": form_of(data), "addable": addable(data)}
 
     def _draw(self, scene: Scene, units: Mapping[str, str]) -> dict[str, object]:
         with self._drawing:
-            drawn = sketch_svg(scene, units)
+            drawn = vars(sketch_svg(scene, units))
         return {
-            "svg": drawn.svg, "origin": drawn.origin, "scale": drawn.scale, "step": step_of(scene),
-            "handles": [one.table() for one in handles_of(scene).values()],
+            **drawn, "step": step_of(scene),
+            "handles": [handle.table() for handle in handles_of(scene).values()],
             "bodies": {name: body.outline().tolist() for name, body in scene.body.items()},
         }  # fmt: skip
 
     def edit(
-        self, *, text: str | None = None, before: str | None = None, set: Mapping[str, str | None] | None = None,
-        drag: str | None = None, x: Place = 0.0, y: Place = 0.0, add: str | None = None, undo: bool = False,
+        self, *, text: str | None = None, before: str | None = None, set: Mapping[str, str | None] = {},
+        drag: str = "", x: Place = 0.0, y: Place = 0.0, add: str = "", undo: bool = False,
         redo: bool = False, gesture: str = "",
     ) -> dict[str, object]:  # fmt: skip
         """Change the scene: the whole ``text``, where it was ``before``; keys to ``set`` (None takes one out); a handle
@@ -136,11 +138,11 @@ class Session:
             if both is None:
                 raise SceneError("another page has changed the same lines: its text is shown now; change it again")
             document.write(both, gesture)
-        elif set is not None:
+        elif set:
             document.set(set, gesture)
-        elif drag is not None:
+        elif drag:
             self._drag(drag, x, y, gesture)
-        elif add is not None:
+        elif add:
             self._add(add)
         elif undo:
             document.undo()
@@ -151,7 +153,7 @@ class Session:
     def _drag(self, name: str, x: float, y: float, gesture: str) -> None:
         """Move a handle of the machine as it was when the gesture began: dividers that meet on the way stay two."""
         document, look = self.document, self.document.look
-        if look.data is None:
+        if not look.toml:
             raise SceneError(look.mistake, look.mistake.splitlines())
         if look.scene is not None and (not gesture or document.gesture != gesture or self._held is None):
             self._held = look.scene
@@ -176,7 +178,7 @@ class Session:
 
     def save(self, *, name: str | None = None) -> dict[str, object]:
         """Write the scene to its file, or to a new one called ``name`` in the folder of the first."""
-        self.document.save(None if name is None else _new_file(self.home, name))
+        self.document.save(NO_FILE if name is None else _new_file(self.home, name))
         return self._tell_scene()
 
     def settle(self, *, keep: bool) -> dict[str, object]:
@@ -189,22 +191,20 @@ class Session:
         if self.document.compare_with_disk():
             self._tell_scene()
 
-    def open(
-        self, *, file: str | None = None, run: str | None = None, kind: str = "rhombus", drop: bool = False
-    ) -> dict[str, object]:
+    def open(self, *, file: str = "", run: str = "", kind: str = "rhombus", drop: bool = False) -> dict[str, object]:
         """Take up another scene: the ``file`` of the folder, a shipped ``kind`` to start from, or that of a ``run``.
         Raises SceneError where the one that is open is not saved, unless ``drop`` says that it may go.
         """
         if self.document.changed and any(self.document.steps) and not drop:
             raise SceneError(f"{self.document.name} is not saved: save it, or open the other one again to drop it")
-        if file is not None:
-            found = SceneDocument.load(inside(self.home, file))
-        elif run is not None:
-            found = self._of_run(self.finished.folder(run))
+        if file:
+            document = SceneDocument.load(inside(self.home, file))
+        elif run:
+            document = self._of_run(self.finished.folder(run))
         else:
-            found = _template(kind)
-        found.version = self.document.version + 1
-        self.document, self._drawn, self._held = found, {}, None
+            document = _template(kind)
+        document.version = self.document.version + 1
+        self.document, self._drawn, self._held = document, {}, None
         return self._tell_scene()
 
     # -- the plan ------------------------------------------------------------------------------------------------------
@@ -234,7 +234,7 @@ class Session:
 
     # -- runs ----------------------------------------------------------------------------------------------------------
     def run(
-        self, *, name: str | None = None, quick: bool = False, full: bool = True, kind: str = RUN, typed: str = ""
+        self, *, name: str = "", quick: bool = False, full: bool = True, kind: str = RUN, typed: str = ""
     ) -> dict[str, object]:
         """Put the scene as it is now at the end of the list of runs, with a first look before it where ``quick`` asks
         for it; or another ``kind`` of task with what is ``typed`` for it. Raises SceneError where it is wrong.
@@ -245,15 +245,15 @@ class Session:
         if kind != RUN:
             task_of(kind, look.scene, typed, self.home)
         free = self._free(name or (document.name if kind == RUN else f"{document.name}-{kind}"), look.scene, kind)
-        asked: dict[str, Any] = {
+        common: dict[str, Any] = {
             "text": document.text, "base": document.base, "scene": document.name, "kind": kind, "typed": typed,
             "files": self.home,
         }  # fmt: skip
         if quick and kind != "search":  # whose levels begin with one
             folder = self.runs / f"{free}-first-look"
-            self.queue.add(name=f"{free} first look", folder=folder, options={"quick": True}, **asked)
+            self.queue.add(name=f"{free} first look", folder=folder, options={"quick": True}, **common)
         if full:
-            self.queue.add(name=free, folder=self.runs / free, **asked)
+            self.queue.add(name=free, folder=self.runs / free, **common)
         return self.list()
 
     def _free(self, name: str, scene: Scene, kind: str = RUN) -> str:
@@ -263,10 +263,10 @@ class Session:
         for number in range(1, 1000):
             free = name if number == 1 else f"{name}-{number}"
             folder = self.runs / free
-            asked = [one for one in self.queue.runs if one.folder == folder and one.state not in ("done", "failed")]
+            waiting = [run for run in self.queue.runs if run.folder == folder and run.state not in ("done", "failed")]
             one_run = kind in (RUN, "protocol")
             there = (folder / FILE).exists() if one_run else folder.exists()
-            if not asked and (not there or (one_run and _same(folder, scene))):
+            if not waiting and (not there or (one_run and _same(folder, scene))):
                 return free
         raise SceneError(f"a thousand runs are called {name}: choose another name")
 
@@ -281,12 +281,12 @@ class Session:
     def list(self) -> dict[str, object]:
         """The runs that were asked for, and what is on the disk."""
         return {
-            "queue": [one.table() for one in self.queue.runs], "kinds": list(scene_templates()),
+            "queue": [run.table() for run in self.queue.runs], "kinds": list(scene_templates()),
             "shown": self.shown, "tasks": list(TASKS), **listing(self.runs, self.home),
         }  # fmt: skip
 
     def _queue_changed(self) -> None:
-        self._say("queue", {"queue": [one.table() for one in self.queue.runs]})
+        self._say("queue", {"queue": [run.table() for run in self.queue.runs]})
 
     # -- measured trays -----------------------------------------------------------------------------------------------
     def measured(self, *, run: str, rows: tuple[tuple[str, str, str], ...], error: str) -> dict[str, object]:
@@ -298,11 +298,11 @@ class Session:
 
         def part(where: str, typed: str) -> float:
             try:
-                found = percent_typed(typed)
+                share = percent_typed(typed)
             except ValueError as problem:
                 wrong[where] = str(problem)
                 return 0.0
-            return found
+            return share
 
         shares = [part(f"{fraction} in {place}", typed) for fraction, place, typed in rows]
         sure = part("±", error)
@@ -313,10 +313,10 @@ class Session:
         if wrong:
             return {"wrong": wrong}
         result = Result.load(folder)
-        own = folder.name.removesuffix(CALIBRATED)
+        name = folder.name.removesuffix(CALIBRATED)
         self.queue.add(
-            name=f"{own} and what was measured", folder=folder.with_name(own + CALIBRATED), base=self.home, scene=own,
-            text=Scene.parse(result.scene).as_toml(),
+            name=f"{name} and what was measured", folder=folder.with_name(name + CALIBRATED), base=self.home,
+            scene=name, text=Scene.parse(result.scene).as_toml(),
             options={"rung": result.options.rung, "force": result.options.force},
             measured={
                 "fraction": [row[0] for row in rows], "bin": [row[1] for row in rows], "share": shares,
@@ -327,10 +327,8 @@ class Session:
 
 
 def _template(kind: str) -> SceneDocument:
-    known = scene_templates()
-    if kind not in known:
-        raise SceneError(f"unknown scene {kind!r}{did_you_mean(kind, list(known))} (known: {', '.join(known)})")
-    return SceneDocument(known[kind].read_text(encoding="utf-8"), name=kind, base=known[kind].parent)
+    path = template_of(kind)
+    return SceneDocument(path.read_text(encoding="utf-8"), name=kind, base=path.parent)
 
 
 def _new_file(home: Path, name: str) -> Path:
@@ -348,20 +346,20 @@ def _same(folder: Path, scene: Scene) -> bool:
 
 def _notes(plan: Plan) -> dict[str, list[str]]:
     """All that the plan says beyond its lines, by heading."""
-    left = dict.fromkeys(f"{one.name}: {one.why}" for one in plan.left_out)
+    left = dict.fromkeys(f"{term.name}: {term.why}" for term in plan.left_out)
     return {"computed": list(plan.used), "left out": list(left), "notes": list(plan.warnings)}
 
 
 def _falls(plan: Plan, scene: Scene) -> list[dict[str, object]]:
     """Of each fraction its terminal velocity (m/s) and what the air does with it far from the bodies."""
-    found: list[dict[str, object]] = []
-    for name, one in plan.fractions.items():
-        speed = one.terminal_velocity
+    rows: list[dict[str, object]] = []
+    for name, fraction in plan.fractions.items():
+        speed = fraction.terminal_velocity
         if scene.air is None or speed is None:
-            told = "falls freely"
+            does = "falls freely"
         elif scene.air.rises:
-            told = "is lifted" if speed < scene.air.speed else "falls"
+            does = "is lifted" if speed < scene.air.speed else "falls"
         else:
-            told = f"falls at {scene.air.speed + speed:.3g} m/s at most"
-        found.append({"name": name, "terminal": speed, "told": told})
-    return found
+            does = f"falls at {scene.air.speed + speed:.3g} m/s at most"
+        rows.append({"name": name, "terminal": speed, "told": does})
+    return rows

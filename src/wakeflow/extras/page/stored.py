@@ -36,11 +36,11 @@ Row = dict[str, object]
 def listing(root: Path, scenes: Path) -> dict[str, list[Row]]:
     """Scene files below the folder ``scenes``, runs and sweeps below ``root``, the newest first."""
     runs, sweeps = runs_below(root)
-    own = [path for path in sorted(scenes.glob("*.toml")) if not path.name.startswith(".") and path.is_file()][:MOST]
-    searches = [path for path in own if _asks_for_a_search(path)]
-    found = [_row(scenes, path, "") for path in own if path not in searches]
+    files = [path for path in sorted(scenes.glob("*.toml")) if not path.name.startswith(".") and path.is_file()][:MOST]
+    searches = [path for path in files if _asks_for_a_search(path)]
+    plain = [_row(scenes, path, "") for path in files if path not in searches]
     return {
-        "scenes": found,
+        "scenes": plain,
         "searches": [_row(scenes, path, "") for path in searches],
         "runs": runs,
         "sweeps": sweeps,
@@ -51,13 +51,13 @@ def runs_below(root: Path) -> tuple[list[Row], list[Row]]:
     """Runs and sweeps below the folder ``root``, the newest first; each run with what a person calls it, and in what it
     differs from the run before.
     """
-    found, sweeps = list[Row](), list[Row]()
+    finished, sweeps = list[Row](), list[Row]()
     for folder, files in _folders(root):
         if FILE in files and (folder / FILE).is_file():
-            found.append(_row(root, folder, FILE))
+            finished.append(_row(root, folder, FILE))
         if WIDE in files and (folder / WIDE).is_file():
             sweeps.append(_row(root, folder, WIDE))
-    runs = _newest(found)
+    runs = _newest(finished)
     scenes_of = [scene_of(root / str(row["name"])) for row in runs]
     for row, scene in zip(runs, scenes_of, strict=True):
         row["title"] = title_of(str(row["name"]), scene)
@@ -89,10 +89,10 @@ def parts_of(scene: JsonTable) -> set[tuple[str, ...]]:
 @lru_cache(MOST)
 def _scene_in(file: Path, _: int) -> JsonTable:
     try:
-        found = json.loads(read_whole(file, LARGEST))["scene"]
+        scene = json.loads(read_whole(file, LARGEST))["scene"]
     except (OSError, ValueError, KeyError, TypeError):
         return {}
-    return flat(found) if isinstance(found, dict) else {}
+    return flat(scene) if isinstance(scene, dict) else {}
 
 
 def title_of(name: str, scene: JsonTable) -> str:
@@ -103,9 +103,9 @@ def title_of(name: str, scene: JsonTable) -> str:
     """
     place, _, last = name.rpartition("/")
     parts = [part.partition("=") for part in last.split(PARTS)]
-    own = [key for key, sign, _ in parts if not sign]
+    names = [key for key, sign, _ in parts if not sign]
     changed = said({key: value for key, sign, value in parts if sign}, scene)
-    return ": ".join(filter(None, ("/".join(filter(None, (place, PARTS.join(own)))), changed)))
+    return ": ".join(filter(None, ("/".join(filter(None, (place, PARTS.join(names)))), changed)))
 
 
 def said(changes: Mapping[str, object], scene: JsonTable) -> str:
@@ -118,8 +118,8 @@ def said(changes: Mapping[str, object], scene: JsonTable) -> str:
 def differs(before: JsonTable, now: JsonTable) -> str:
     """In what a run's scene differs from another: a few keys with both values, and how many more."""
     keys = [key for key in dict.fromkeys([*now, *before]) if before.get(key) != now.get(key)]
-    told = [f"{_key(key)} {_value(key, before.get(key))} → {_value(key, now.get(key))}" for key in keys[:TOLD]]
-    return ", ".join(told) + (f" and {len(keys) - TOLD} more" if len(keys) > TOLD else "")
+    changes = [f"{_key(key)} {_value(key, before.get(key))} → {_value(key, now.get(key))}" for key in keys[:TOLD]]
+    return ", ".join(changes) + (f" and {len(keys) - TOLD} more" if len(keys) > TOLD else "")
 
 
 def _key(key: str) -> str:

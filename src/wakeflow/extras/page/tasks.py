@@ -23,7 +23,8 @@ from ..studies.operating import RATE, SPEED, TURNS, capacity, met_lines, met_up_
 from ..trays.protocol import protocol, wanted_share
 from .stored import inside, said, scene_of
 
-Work = Callable[..., str]  # (folder, listener, planned, how): does it, and says what came out
+# (folder, how, listener and rung and force among it): does it, and says what came out
+Work = Callable[[Path, Mapping[str, Any]], str]
 Task = Callable[
     [Scene, str, Path], Work
 ]  # (scene, what is typed, folder of files): raises SceneError where it is wrong
@@ -40,35 +41,23 @@ class SearchForm(BaseModel, extra="forbid"):
 
 
 def _swept(scene: Scene, typed: str, _: Path) -> Work:
-    found = variants(scene, _parts(typed))
-
-    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
-        del planned
-        return _outcome(sweep(found, folder, listener=listener, **how))
-
-    return work
+    scenes = variants(scene, _parts(typed))
+    return lambda folder, how: _outcome(sweep(scenes, folder, **how))
 
 
 def _mapped(scene: Scene, typed: str, _: Path) -> Work:
     blower = SPEED if scene.air is None or scene.air.fan is None else TURNS
     axes = _axes(scene, typed, (blower, RATE))
-
-    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
-        del planned
-        found = operating_map(scene, folder, air=axes.get(blower), feed=axes.get(RATE), listener=listener, **how)
-        return _outcome(found[0])
-
-    return work
+    air, feed = axes.get(blower, ()), axes.get(RATE, ())
+    return lambda folder, how: _outcome(operating_map(scene, folder, air=air, feed=feed, **how)[0])
 
 
 def _capacity(scene: Scene, typed: str, _: Path) -> Work:
-    axes = _axes(scene, typed, (RATE,))
+    axes, limits = _axes(scene, typed, (RATE,)), scene.limit.asked
 
-    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
-        del planned
-        found, _ = capacity(scene, folder, feed=axes.get(RATE), listener=listener, **how)
-        limits = scene.limit.asked
-        return "; ".join([_outcome(found), *met_lines(met_up_to(found.table, limits), limits)])
+    def work(folder: Path, how: Mapping[str, Any]) -> str:
+        curve, _ = capacity(scene, folder, feed=axes.get(RATE, ()), **how)
+        return "; ".join([_outcome(curve), *met_lines(met_up_to(curve.table, limits), limits)])
 
     return work
 
@@ -77,12 +66,11 @@ def _searched(scene: Scene, typed: str, base: Path) -> Work:
     task = filled_in(scene, typed) if typed.startswith("{") else read_search_file(inside(base, typed))
     refuse_void(task)
 
-    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
-        del planned, how
-        found = search(task, folder, listener=listener)
-        best = said(found.recommended.changes, scene_of(found.recommended.folder))
-        kept = "" if found.recommended.allowed else "; no design keeps the limits, this one comes nearest"
-        return f"recommended: {best}{kept}; within the intervals {len(found.rivals)} others may be as good"
+    def work(folder: Path, how: Mapping[str, Any]) -> str:
+        result = search(task, folder, listener=how["listener"])
+        best = said(result.recommended.changes, scene_of(result.recommended.folder))
+        kept = "" if result.recommended.allowed else "; no design keeps the limits, this one comes nearest"
+        return f"recommended: {best}{kept}; within the intervals {len(result.rivals)} others may be as good"
 
     return work
 
@@ -118,10 +106,10 @@ def percent_typed(typed: str) -> float:
     >>> percent_typed("26,5"), percent_typed("26.5 %")
     (0.265, 0.265)
     """
-    found = re.fullmatch(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*%?\s*", typed, re.ASCII)
-    if found is None:
+    match = re.fullmatch(r"\s*(\d+(?:[.,]\d*)?|[.,]\d+)\s*%?\s*", typed, re.ASCII)
+    if match is None:
         raise ValueError(f"{typed!r} is no percent; write a number such as 26.5 or 26,5")
-    part = float(found[1].replace(",", "."))
+    part = float(match[1].replace(",", "."))
     if part > 100.0:
         raise ValueError(f"{typed!r}: a share is at most 100 %")
     return part / 100.0
@@ -129,11 +117,8 @@ def percent_typed(typed: str) -> float:
 
 def _protocol(scene: Scene, typed: str, _: Path) -> Work:
     wanted_share(scene, typed)
-
-    def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
-        return protocol(scene, folder, of=typed or None, listener=listener, planned=planned, **how).sentence
-
-    return work
+    share = typed or None
+    return lambda folder, how: protocol(scene, folder, of=share, planned=how["listener"].planned, **how).sentence
 
 
 TASKS: Mapping[str, Task] = {
@@ -159,12 +144,12 @@ def _axes(scene: Scene, typed: str, known: Sequence[str]) -> dict[str, Sequence[
     given = {RATE: scene.feed.rate, SPEED: air and air.speed, TURNS: air and air.fan and air.fan.speed_ratio}
     if lacking := [key for key in known if not given[key]]:
         raise SceneError(f"the scene has no {lacking[0]} to vary: give it one")
-    found: dict[str, Sequence[object]] = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
-    if wrong := [key for key in found if key not in known]:
+    axes: dict[str, Sequence[object]] = {axis.key: axis.values for axis in map(axis_of_text, _parts(typed))}
+    if wrong := [key for key in axes if key not in known]:
         raise SceneError(f"{wrong[0]}: write {' or '.join(known)}, as in {known[-1]}='200:800:4 kg/hour'")
-    return found
+    return axes
 
 
-def _outcome(found: Sweep) -> str:
-    failed = "; ".join(f"{name}: {why}" for name, why in found.failed.items())
-    return f"{found.table!r}" + (f"; {failed}" if failed else "")
+def _outcome(made: Sweep) -> str:
+    failed = "; ".join(f"{name}: {why}" for name, why in made.failed.items())
+    return f"{made.table!r}" + (f"; {failed}" if failed else "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -39,8 +40,8 @@ class _Curve:
     fraction: str
     chosen: bool  # the granule that met the body at the speed asked for
     rows: Array
-    met: float | None  # m/s: upward speed of the body where the curve begins
-    ended: tuple[float, float, float] | None
+    met: float  # m/s: upward speed of the body where the curve begins; nan where that is no separation
+    ended: tuple[float, ...]  # empty where it never falls so far
 
 
 def draw_curves(view: View) -> PictureFiles:
@@ -61,20 +62,18 @@ def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iter
     """What there is of each granule of one fraction; none of those that never met a body, from the separation on."""
     scene, motion = view.scene, motion_of(view.scene)
     for i, path in enumerate(paths):
-        first: int | None = 0 if picture.origin == "scene" else path.separation(scene)
-        if first is None:
-            continue
-        start, end, ended, met = path.time[first], path.time[-1], None, None
-        origin = np.zeros(2)
+        first, origin, met, ended = 0, np.zeros(2), math.nan, tuple[float, ...]()
         if picture.origin == "separation":
+            if not len(touches := path.touches(scene)):
+                continue
+            first = int(touches[-1])
             origin = path.position[first]
-            met = float(motion.at(start, origin)[1][1])
-        if picture.drop is not None:
-            found = path.falls_to(origin[1] - picture.drop, first)
-            if found is not None:
-                end = found
-                position, velocity = path.at(np.array([end]))
-                ended = (float(end - start), float(position[0, 0] - origin[0]), float(velocity[0, 0]))
+            met = float(motion.at(path.time[first], origin)[1][1])
+        start, end = path.time[first], path.time[-1]
+        if picture.drop is not None and (down := path.falls_to(origin[1] - picture.drop, first)) < math.inf:
+            end = down
+            position, velocity = path.at(np.array([end]))
+            ended = (float(end - start), float(position[0, 0] - origin[0]), float(velocity[0, 0]))
         times = np.linspace(start, end, POINTS)
         position, velocity = path.at(times)
         columns = [times - path.time[first], position - origin, velocity, np.hypot(*velocity.T)]
@@ -92,7 +91,7 @@ def _plot(axes: Axes, picture: Curves, curves: list[_Curve], colours: dict[str, 
         )  # fmt: skip
     for fraction in dict.fromkeys(curve.fraction for curve in curves):
         met = [curve.met for curve in curves if curve.chosen and curve.fraction == fraction]
-        note = f", met at {met[0]:.3g} m/s" if met and met[0] is not None else ""
+        note = f", met at {met[0]:.3g} m/s" if met and math.isfinite(met[0]) else ""
         axes.plot([], [], color=colours[fraction], linewidth=2.4, label=f"{fraction}{note}")
     if picture.body_speed is not None:
         axes.plot([], [], color="#555555", linewidth=0.6, label="other phases of the vibration")
@@ -124,14 +123,15 @@ def _numbers(picture: Curves, curves: list[_Curve]) -> dict[str, object]:
     table: JsonTable = {"drop": picture.drop, "fractions": {}}
     for name in dict.fromkeys(curve.fraction for curve in curves):
         here = [curve for curve in curves if curve.fraction == name]
-        reached = [abs(curve.ended[1]) for curve in here if curve.ended is not None and not curve.chosen]
+        reached = [abs(curve.ended[1]) for curve in here if curve.ended and not curve.chosen]
         row: JsonTable = {"granules": len(reached)}
         if reached:
             row["x"] = {"low": min(reached), "mean": float(np.mean(reached)), "high": max(reached)}
         for curve in here:
-            if curve.chosen and curve.ended is not None:
+            if curve.chosen and curve.ended:
                 time, x, vx = curve.ended
-                row["chosen"] = {"body_speed": curve.met, "time": time, "x": x, "vx": vx}
+                speed = None if math.isnan(curve.met) else curve.met
+                row["chosen"] = {"body_speed": speed, "time": time, "x": x, "vx": vx}
         table["fractions"][name] = row
     table["ratio"] = _ratio([abs(row["chosen"]["x"]) for row in table["fractions"].values() if "chosen" in row])
     table["ratio_of_means"] = _ratio([row["x"]["mean"] for row in table["fractions"].values() if "x" in row])

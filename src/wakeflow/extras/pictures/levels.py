@@ -78,7 +78,7 @@ def level_numbers(paths: Sequence[Path2D], level: float, flow: float) -> dict[st
     every = passages(paths, level)
     groups = min(GROUPS, max(1, len(paths)))
     parts = [Passages(*(column[every.granule % groups == group] for column in every)) for group in range(groups)]
-    found = {}
+    numbers = {}
     for name, (_, of) in QUANTITIES.items():
         value = of(every, flow / max(len(paths), 1))
         sizes = [len(range(group, len(paths), groups)) for group in range(groups)]
@@ -87,8 +87,8 @@ def level_numbers(paths: Sequence[Path2D], level: float, flow: float) -> dict[st
         half = math.inf
         if len(known) > 2:
             half = student(len(known) - 1) * float(known.std(ddof=1)) / math.sqrt(len(known))
-        found[name] = Number(value, value - half, value + half)
-    return found
+        numbers[name] = Number(value, value - half, value + half)
+    return numbers
 
 
 def draw_levels(view: View) -> PictureFiles:
@@ -141,8 +141,8 @@ def _columns() -> tuple[str, ...]:
     return "fraction", "y (m)", *(f"{name}{end} ({unit})" for name, (unit, _) in QUANTITIES.items() for end in ends)
 
 
-def _rows(levels: Sequence[float], found: dict[str, list[dict[str, Number]]]) -> Iterator[tuple[object, ...]]:
-    for name, rows in found.items():
+def _rows(levels: Sequence[float], numbers: dict[str, list[dict[str, Number]]]) -> Iterator[tuple[object, ...]]:
+    for name, rows in numbers.items():
         for level, row in zip(levels, rows, strict=True):
             yield name, level, *(_known(end) for number in row.values() for end in number)
 
@@ -151,10 +151,10 @@ def _known(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _text(levels: Sequence[float], found: dict[str, list[dict[str, Number]]]) -> str:
+def _text(levels: Sequence[float], numbers: dict[str, list[dict[str, Number]]]) -> str:
     """How wide each fraction is at the highest and at the lowest level that it passes."""
     parts = []
-    for name, rows in found.items():
+    for name, rows in numbers.items():
         wide = [(y, row["spread"]) for y, row in zip(levels, rows, strict=True) if math.isfinite(row["spread"].value)]
         if len(wide) > 1:
             (low, below), (high, above) = wide[0], wide[-1]

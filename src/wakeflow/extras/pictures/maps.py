@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.record import to_json
 from ...scene.pictures import Density
 from ...show import canvas
@@ -40,7 +40,7 @@ def draw_streamlines(view: View) -> PictureFiles:
     grid = PlotGrid.sample(canvas.triangulation(mean), _channel(view), [*mean.velocity.T, cp], GRID)
     columns = grid.columns(("air vx (m/s)", "air vy (m/s)", "Cp"))
     data = view.write_csv(tuple(columns), zip(*columns.values(), strict=True))
-    suction = known(outcome.airflow.suction)
+    suction = outcome.airflow.suction
     size = [MM * (length or 0.0) for length in (suction.length, suction.width)]
     text = (
         "1 direction of the air, 2 pressing zone, 3 body, 4 suction zone "
@@ -124,9 +124,9 @@ def draw_density(view: View) -> PictureFiles:
     columns = ("x (m)", "y (m)", *(f"{name} (kg/(m^2 s))" for name in flux))
     data = view.write_csv(columns, _flux_rows(x, y, list(flux.values())))
     numbers = _through(view)
-    told = [f"{name} {100 * row['suction']:.0f} and {100 * row['reversal']:.0f} %" for name, row in numbers.items()]
-    text = f"Of each fraction enter the suction zone and the reversed flow of the mean air: {', '.join(told)}."
-    return PictureFiles([view.file(".png"), data], text if told else "", {"through": numbers})
+    entered = [f"{name} {100 * row['suction']:.0f} and {100 * row['reversal']:.0f} %" for name, row in numbers.items()]
+    text = f"Of each fraction enter the suction zone and the reversed flow of the mean air: {', '.join(entered)}."
+    return PictureFiles([view.file(".png"), data], text if entered else "", {"through": numbers})
 
 
 def _panel(axes: Axes, view: View, x: Array, y: Array, flux: Array, colour: str, name: str) -> None:
@@ -168,14 +168,14 @@ def _through(view: View) -> dict[str, dict[str, float]]:
         "reversal": _downstream(view) * mean.velocity[:, 1],
     }
     inside = {zone: LinearTriInterpolator(mesh, values) for zone, values in zones.items()}
-    found: dict[str, dict[str, float]] = {}
+    entered: dict[str, dict[str, float]] = {}
     for name, paths in view.paths.items():
         points = [path.at(np.linspace(path.time[0], path.time[-1], 400))[0] for path in paths]
-        found[name] = {
+        entered[name] = {
             zone: float(np.mean([np.any(np.ma.filled(level(*(MM * p.T)), np.inf) < 0.0) for p in points]))
             for zone, level in inside.items()
         }
-    return found
+    return entered
 
 
 def _downstream(view: View) -> float:

@@ -62,7 +62,7 @@ def explore(
         )
         history.add(level, dict(zip(places, evaluate(level, places), strict=True)))
 
-    while (batch := _next(history, propose, price)) is not None:
+    while (batch := _next(history, propose, price))[1]:
         compute(*batch)
     for level in range(1, len(task.levels)):  # an answer is of the finest level: its price was set aside
         if not history.evaluations[level]:
@@ -70,8 +70,8 @@ def explore(
     return history
 
 
-def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Sequence[DesignPoint]] | None:
-    """The level that is furthest behind its part of the budget and has something to compute, with designs for it; None
+def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Sequence[DesignPoint]]:
+    """The level that is furthest behind its part of the budget and has something to compute, with designs for it; none
     where what is left of the budget would not pay for them, with one design of each level that has none set aside.
     """
     task, levels = history.task, range(len(history.task.levels))
@@ -84,20 +84,20 @@ def _next(history: History, propose: Proposer, price: Price) -> tuple[int, Seque
         if not made and each > 0.0:  # a first look at what it costs
             most = max(1, min(most, int(FIRST_LOOK * free / each)))
         if level == 0:
-            return (0, propose(history, most)) if most > 0 and left > 0.0 else None
+            return 0, propose(history, most) if most > 0 and left > 0.0 else ()
         few = max(1, min(most, task.at_a_time // 4))
         ready = len(history.evaluations[level - 1]) >= task.at_a_time or history.evaluations[level]
         if most > 0 and left > 0.0 and ready and (able := _ahead(history, level, few)):
             return level, able
-    return None
+    return 0, ()
 
 
 def _ahead(history: History, level: int, few: int) -> list[DesignPoint]:
     """A few contenders of a level, before them the scene as it is: what every design is measured by."""
-    own, able = history.task.as_it_stands, history.contenders(level)[:few]
-    if own is None or own not in history.known() or own in history.evaluations[level]:
+    unchanged, able = history.task.as_it_stands, history.contenders(level)[:few]
+    if unchanged not in history.expectations() or unchanged in history.evaluations[level]:
         return able
-    return [own, *(place for place in able if place != own)]
+    return [unchanged, *(place for place in able if place != unchanged)]
 
 
 # -- A search carried out ----------------------------------------------------------------------------------------------
@@ -158,28 +158,28 @@ def search(
 
     Raises SceneError where the task is none, a level lacks a quantity that is asked for, or no design can be computed.
     """
-    asked = task if isinstance(task, SearchTask) else read_search_file(task)
+    given = task if isinstance(task, SearchTask) else read_search_file(task)
     check_workers(workers)
     folder, (listener, _) = made_folder(path_of(out, "out")), as_listener(listener)
-    asked, price = affordable(asked, partial(listener, "search"))
-    refuse_void(asked)
+    given, price = affordable(given, partial(listener, "search"))
+    refuse_void(given)
     with executor_on(scheduler, workers or cores(), folder) as executor:
-        scenes = _Scenes(asked, folder, partial(sweep, scheduler=executor, listener=listener))
-        history = explore(asked, scenes.evaluate, tell=partial(listener, "search"), price=price)
+        scenes = _Scenes(given, folder, partial(sweep, scheduler=executor, listener=listener))
+        history = explore(given, scenes.evaluate, tell=partial(listener, "search"), price=price)
         best = history.recommended()
-        if best is None:
+        if not best:
             raise SceneError(_nothing_found(history, scenes))
         for level, made in enumerate(history.evaluations):  # the tables and figures of all designs, nothing is computed
             scenes.compute([scenes.variant(level, place) for place in made], scenes.folder(level))
-    known = history.known()
+    known = history.expectations()
     design = partial(scenes.design, history.evaluations[-1], known)
     tried = tuple(len(made) for made in history.evaluations)
-    seconds = tuple(history.seconds(level) for level in range(len(asked.levels)))
+    seconds = tuple(history.seconds(level) for level in range(len(given.levels)))
     front = tuple(map(design, history.front()))
-    rivals = tuple(one for one in front if one.name != design(best).name)
-    own = asked.as_it_stands
-    stands = None if own is None or own not in history.evaluations[-1] or own not in known else design(own)
-    return Search(asked, folder, design(best), front, rivals, tried, seconds, stands)
+    rivals = tuple(design_ for design_ in front if design_.name != design(best).name)
+    own = given.as_it_stands
+    unchanged = design(own) if own in history.evaluations[-1] and own in known else None
+    return Search(given, folder, design(best), front, rivals, tried, seconds, unchanged)
 
 
 def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTask, Price]:
@@ -194,12 +194,12 @@ def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTas
     kept = _paid(prices, task.budget) or int(prices[0] <= OVERSPENT * task.budget)
     if kept == len(levels):
         return task, prices.__getitem__
-    told = (
+    shortened = (
         f"done the budget of {duration(task.budget)} does not pay for the finest {len(levels) - kept} of {len(levels)} "
         f"levels, where a design takes about {duration(prices[-1])}: the answer is of "
     )
     if kept and not make_plan(_at(task, levels[kept - 1])).why_void:
-        tell(f"{told}level {kept}")
+        tell(f"{shortened}level {kept}")
         return replace(task, levels=levels[:kept]), prices.__getitem__
     quick = {**levels[-1], **quick_keys(_at(task, levels[-1]))}
     price = _expected_price(_at(task, quick))
@@ -209,7 +209,7 @@ def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTas
             "core; give more, or coarser settings in [[search.level]]"
         )
     kept = _paid(prices[:kept], task.budget - price)
-    tell(f"{told}quick settings, about {duration(price)} a design")
+    tell(f"{shortened}quick settings, about {duration(price)} a design")
     return replace(task, levels=(*levels[:kept], quick)), [*prices[:kept], price].__getitem__
 
 
@@ -233,7 +233,7 @@ def refuse_void(task: SearchTask) -> None:
         lows.update(ends[0])
         highs.update(ends[1])
         tried += ends
-    told = ""
+    first = ""
     for changes in tried:
         try:
             why = make_plan(finest.replace(changes)).why_void
@@ -241,14 +241,14 @@ def refuse_void(task: SearchTask) -> None:
             continue
         if not why:
             return
-        told = told or why
-    if told:
-        raise SceneError(f"search: every answer of the finest level would be void, so that none is computed: {told}")
+        first = first or why
+    if first:
+        raise SceneError(f"search: every answer of the finest level would be void, so that none is computed: {first}")
 
 
 def _expected_price(scene: Scene) -> float:
     """Core-seconds of a scene alone, on hardware as a plan takes it."""
-    return max(MIN_DESIGN_TIME, sum(one.whole for one in make_plan(scene).stages if one.name != "report"))
+    return max(MIN_DESIGN_TIME, sum(stage.whole for stage in make_plan(scene).stages if stage.name != "report"))
 
 
 @dataclass
@@ -277,8 +277,8 @@ class _Scenes:
     def evaluate(self, level: int, places: Sequence[DesignPoint]) -> list[Evaluation]:
         """Sweep designs at a level."""
         variants = [self.variant(level, place) for place in places]
-        found: Sweep = self.compute(variants, self.folder(level), figures=False)
-        return [self._evaluation(place, entry, found) for place, entry in zip(places, found.table.entries, strict=True)]
+        made: Sweep = self.compute(variants, self.folder(level), figures=False)
+        return [self._evaluation(place, entry, made) for place, entry in zip(places, made.table.entries, strict=True)]
 
     def design(
         self, made: Mapping[DesignPoint, Evaluation], known: Mapping[DesignPoint, Expected], place: DesignPoint
@@ -289,11 +289,11 @@ class _Scenes:
         allowed = bool((known[place].excess <= 0.0).all())
         return FoundDesign(name, self.changes(place), made[place].quantities, self.folder(last) / name, allowed)
 
-    def _evaluation(self, place: DesignPoint, entry: Entry, found: Sweep) -> Evaluation:
+    def _evaluation(self, place: DesignPoint, entry: Entry, made: Sweep) -> Evaluation:
         if not entry.quantities:
             self.problems[place] = entry.reason
             return Evaluation(MIN_DESIGN_TIME, problem=entry.reason)
-        spent = {(stage, time.seconds) for stage, time in found.result(entry.name).seconds.items()}
+        spent = {(stage, time.seconds) for stage, time in made.result(entry.name).seconds.items()}
         new = spent - self.counted  # a stage that took the very same time is the same one, from the cache
         self.counted |= new
         spent_here = max(MIN_DESIGN_TIME, sum(seconds for _, seconds in new))
@@ -304,7 +304,7 @@ class _Scenes:
 
 def _nothing_found(history: History, scenes: _Scenes) -> str:
     """Why a search recommends nothing."""
-    void = [place for place, one in history.evaluations[-1].items() if one.void]
+    void = [place for place, evaluation in history.evaluations[-1].items() if evaluation.void]
     if not void:
         return f"no design could be computed; the first: {next(iter(scenes.problems.values()))}"
     last = len(history.task.levels) - 1

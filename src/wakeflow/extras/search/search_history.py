@@ -63,7 +63,7 @@ class History:
     def add(self, level: int, made: Mapping[DesignPoint, Evaluation]) -> None:
         """Take in what was computed. Raises SceneError where it lacks a quantity that is asked for."""
         for evaluation in made.values():
-            for name in self.task.asked:
+            for name in self.task.quantities:
                 if not evaluation.problem and name not in evaluation.quantities:
                     hint = did_you_mean(name, list(evaluation.quantities))
                     raise SceneError(f"level {level + 1} has no quantity {name!r}{hint}")
@@ -71,9 +71,9 @@ class History:
 
     def seconds(self, level: int) -> float:
         """Core-seconds that a level has taken."""
-        return sum(one.seconds for one in self.evaluations[level].values())
+        return sum(evaluation.seconds for evaluation in self.evaluations[level].values())
 
-    def known(self) -> dict[DesignPoint, Expected]:
+    def expectations(self) -> dict[DesignPoint, Expected]:
         """What is expected of every design that could be computed."""
         shifts = [self._shift(level) for level in range(len(self.evaluations))]
         known: dict[DesignPoint, Expected] = {}
@@ -87,17 +87,17 @@ class History:
 
     def failed(self) -> list[DesignPoint]:
         """Designs that cannot be computed at some level."""
-        return list(dict.fromkeys(place for made in self.evaluations for place, one in made.items() if one.problem))
+        return list(dict.fromkeys(place for made in self.evaluations for place, tried in made.items() if tried.problem))
 
     def contenders(self, level: int) -> list[DesignPoint]:
         """Designs of the level before that are not computed at this one, and may be best as far as their intervals
         tell: none that keeps the limits is better even at the bad ends of its intervals. The likeliest come first.
         """
-        known = self.known()
+        known = self.expectations()
         ahead = [
             place for place in self.evaluations[level - 1] if place in known and place not in self.evaluations[level]
         ]
-        sure = [one.high for one in known.values() if np.all(one.excess <= 0.0)]
+        sure = [expected.high for expected in known.values() if np.all(expected.excess <= 0.0)]
         able = [place for place in ahead if not any(_dominates(high, known[place].low) for high in sure)]
         return sorted(able, key=lambda place: self._rank(known[place], list(known.values())))
 
@@ -105,18 +105,18 @@ class History:
         """The designs of a level that keep the limits and that no other is clearly better than; where none keeps them,
         the one that comes nearest to that.
         """
-        kept, known = self._kept(level), self.known()
+        kept, known = self._kept(level), self.expectations()
         able = [place for place in kept if not any(self._clearly_better(other, place, level) for other in kept)]
         return sorted(able, key=lambda place: tuple(known[place].losses))
 
-    def recommended(self, level: int = -1) -> DesignPoint | None:
+    def recommended(self, level: int = -1) -> DesignPoint:
         """Of the designs that no other beats by its values the one that is nearest to the best of every goal, each in
-        units of its range over them; None where nothing could be computed.
+        units of its range over them; empty where nothing could be computed.
         """
         kept = self._kept(level)
-        best = [a for a, one in kept.items() if not any(_dominates(b.losses, one.losses) for b in kept.values())]
+        best = [a for a, known in kept.items() if not any(_dominates(b.losses, known.losses) for b in kept.values())]
         if not best:
-            return None
+            return ()
         losses = np.array([kept[place].losses for place in best])
         span = np.ptp(losses, axis=0)
         off = (losses - losses.min(axis=0)) / np.where(span > 0.0, span, 1.0)
@@ -124,28 +124,28 @@ class History:
 
     def _kept(self, level: int) -> dict[DesignPoint, Expected]:
         """The designs of a level that are worth something and keep the limits, or come nearest to that."""
-        known = self.known()
+        known = self.expectations()
         made = {
-            place: known[place] for place, one in self.evaluations[level].items() if place in known and not one.void
+            place: known[place] for place, tried in self.evaluations[level].items() if place in known and not tried.void
         }
-        kept = {place: one for place, one in made.items() if np.all(one.excess <= 0.0)}
+        kept = {place: expected for place, expected in made.items() if np.all(expected.excess <= 0.0)}
         nearest = sorted(made, key=lambda place: float(np.maximum(made[place].excess, 0.0).sum()))
         return kept or {place: made[place] for place in nearest[:1]}
 
-    def _clearly_better(self, one: DesignPoint, other: DesignPoint, level: int) -> bool:
+    def _clearly_better(self, design: DesignPoint, other: DesignPoint, level: int) -> bool:
         """Whether a design is better than another by more than is not known of their difference, in every goal: each
         draw of what both do not know the same in both.
         """
-        a, b = (self.evaluations[level][place] for place in (one, other))
+        a, b = (self.evaluations[level][place] for place in (design, other))
         if a.entry is None or b.entry is None:
-            known = self.known()
-            return _dominates(known[one].high, known[other].low)
+            known = self.expectations()
+            return _dominates(known[design].high, known[other].low)
         gains = [(goal.sign, difference_of(b.entry, a.entry, goal.quantity)) for goal in self.task.goals]
         return all(gain is not None and gain.clear and sign * gain.value > 0.0 for sign, gain in gains)
 
-    def _rank(self, one: Expected, others: Sequence[Expected]) -> tuple[float, int, float]:
-        broken = float(np.maximum(one.excess, 0.0).sum())
-        return broken, sum(_dominates(other.losses, one.losses) for other in others), float(one.losses.sum())
+    def _rank(self, expected: Expected, others: Sequence[Expected]) -> tuple[float, int, float]:
+        broken = float(np.maximum(expected.excess, 0.0).sum())
+        return broken, sum(_dominates(other.losses, expected.losses) for other in others), float(expected.losses.sum())
 
     def _numbers(self, evaluation: Evaluation) -> tuple[Array, Array]:
         """Losses of the goals, and excesses of the limits, as computed."""
@@ -155,11 +155,11 @@ class History:
         return np.array(losses), np.array(excess)
 
     def _expected(self, evaluation: Evaluation, losses: Array, excess: Array, spread: Array) -> Expected:
-        own, broken = self._numbers(evaluation)
-        found = [(goal.sign, evaluation.quantities[goal.quantity]) for goal in self.task.goals]
-        ends = [[-sign * (one.value if end is None else end) for end in one.ends] for sign, one in found]
-        (best, worst), middle = np.sort(ends, axis=1).T, own + losses
-        low, high = middle - np.hypot(own - best, spread), middle + np.hypot(worst - own, spread)
+        computed, broken = self._numbers(evaluation)
+        numbers = [(goal.sign, evaluation.quantities[goal.quantity]) for goal in self.task.goals]
+        ends = [[-sign * (goal.value if end is None else end) for end in goal.ends] for sign, goal in numbers]
+        (best, worst), middle = np.sort(ends, axis=1).T, computed + losses
+        low, high = middle - np.hypot(computed - best, spread), middle + np.hypot(worst - computed, spread)
         if evaluation.void:  # as good or as bad as anything
             low, high = np.full_like(low, -np.inf), np.full_like(high, np.inf)
         return Expected(middle, low, high, broken + excess)
@@ -180,9 +180,9 @@ class History:
         return losses, excess, TWO_SIGMA * np.sqrt(variance)
 
 
-def _dominates(one: Array, other: Array) -> bool:
+def _dominates(losses: Array, other: Array) -> bool:
     """Whether losses are nowhere more than others, and somewhere less."""
-    return bool(np.all(one <= other) and np.any(one < other))
+    return bool(np.all(losses <= other) and np.any(losses < other))
 
 
 # -- Which designs to try next -----------------------------------------------------------------------------------------
@@ -195,10 +195,10 @@ HOPELESS = 1e6  # excess of a design that cannot be computed
 def at_random(history: History, count: int) -> list[DesignPoint]:
     """Points of a scrambled Sobol' sequence, from where the history ends; the first is the scene as it is."""
     task, before = history.task, len(history.evaluations[0])
-    own = [] if task.as_it_stands is None else [task.as_it_stands]
-    if before < len(own):
-        return own + _balanced(task, 0, count - len(own))
-    return _balanced(task, before - len(own), count)
+    first = [task.as_it_stands] if task.as_it_stands else []
+    if before < len(first):
+        return first + _balanced(task, 0, count - len(first))
+    return _balanced(task, before - len(first), count)
 
 
 def _balanced(task: SearchTask, before: int, count: int) -> list[DesignPoint]:
@@ -247,10 +247,10 @@ def by_estimator(history: History, count: int) -> list[DesignPoint]:
 
 def _as_trials(history: History) -> list[tuple[DesignPoint, list[float], list[float]]]:
     """Every design with its losses and excesses; one that cannot be computed is as bad as the worst, and hopeless."""
-    known = history.known()
+    known = history.expectations()
     if not known:
         return []
-    worst = [max(one.losses[goal] for one in known.values()) for goal in range(len(history.task.goals))]
-    told = [(place, one.losses.tolist(), [*one.excess.tolist(), 0.0]) for place, one in known.items()]
+    worst = [max(expected.losses[goal] for expected in known.values()) for goal in range(len(history.task.goals))]
+    trials = [(place, expected.losses.tolist(), [*expected.excess.tolist(), 0.0]) for place, expected in known.items()]
     bad = [*[HOPELESS] * (len(history.task.limits) + 1)]
-    return told + [(place, [float(value) for value in worst], bad) for place in history.failed()]
+    return trials + [(place, [float(value) for value in worst], bad) for place in history.failed()]

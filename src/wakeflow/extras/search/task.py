@@ -67,22 +67,21 @@ class SearchTask:
     at_a_time: int = AT_A_TIME
 
     @cached_property
-    def as_it_stands(self) -> tuple[float, ...] | None:
-        """Where the scene as it is lies along the axes; None where it lies outside of them."""
+    def as_it_stands(self) -> tuple[float, ...]:
+        """Where the scene as it is lies along the axes; empty where it lies outside of them."""
         tables = flat(json.loads(self.scene.model_dump_json(by_alias=True)))
-        places = [axis.where(tables) for axis in self.within]
-        known = tuple(place for place in places if place is not None)
-        return known if len(known) == len(places) else None
+        places = tuple(axis.where(tables) for axis in self.within)
+        return () if any(map(math.isnan, places)) else places
 
     @property
-    def asked(self) -> list[str]:
+    def quantities(self) -> list[str]:
         """Names of the quantities of goals and limits, each once."""
         names = [goal.quantity for goal in self.goals] + [limit.quantity for limit in self.limits]
         return list(dict.fromkeys(names))
 
 
 def read_search_file(
-    path: Path | str, fixed: Mapping[str, object] | None = None, budget: str | float | None = None
+    path: Path | str, fixed: Mapping[str, object] = {}, budget: str | float | None = None
 ) -> SearchTask:
     """The search of a file with a [search] table: docs/extras.md. ``fixed``: keys of the scene that are the same in all
     designs at all levels, those to be searched too; ``budget``: instead of the file's own. The scene's own [limit]
@@ -90,10 +89,9 @@ def read_search_file(
 
     Raises SceneError where the file is no search, and where it names quantities or keys that its scene does not have.
     """
-    held = dict(fixed or {})
     with TaskFile.open(path, "search", KNOWN) as file:
-        scene = Scene.load(file.scene, {**flat(file.inside("set")), **held})
-        return _task(file, scene, held, file.table.get("budget") if budget is None else budget)
+        scene = Scene.load(file.scene, {**flat(file.inside("set")), **fixed})
+        return _task(file, scene, fixed, file.table.get("budget") if budget is None else budget)
 
 
 def search_of(table: Mapping[str, object], scene: Scene) -> SearchTask:
@@ -106,10 +104,10 @@ def _task(file: TaskFile, scene: Scene, held: Mapping[str, object], budget: obje
     if not goals:
         raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
     where = {name: _limit(name, ends) for name, ends in file.inside("where").items()}
-    own = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
+    limits = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
     task = SearchTask(
-        scene, tuple(_within(file, held)), tuple(goals), _seconds(budget), tuple({**own, **where}.values()),
-        _levels(file.table.get("level", [{}]), held), file.whole_number("seed") or 0,
+        scene, tuple(_within(file, held)), tuple(goals), _seconds(budget), tuple({**limits, **where}.values()),
+        _levels(file.table.get("level", [{}]), held), file.whole_number("seed"),
         file.whole_number("at_a_time", least=1) or AT_A_TIME,
     )  # fmt: skip
     _check_names(task)
@@ -124,7 +122,7 @@ def quantities_to_seek(scene: Scene) -> list[str]:
 def _check_names(task: SearchTask) -> None:
     """Raise SceneError where a goal, a limit or a key to change is none of the scene: before anything is computed."""
     known = quantities_to_seek(task.scene)
-    for name in task.asked:
+    for name in task.quantities:
         if name not in known:
             example = f"recovery.{next(iter(task.scene.fraction))}"
             raise SceneError(f"no quantity {name!r}{did_you_mean(name, known) or f' (as {example!r} is one)'}")
@@ -180,8 +178,8 @@ def _levels(given: Any, held: Mapping[str, object]) -> tuple[JsonMapping, ...]:
 
 
 def _names(table: Mapping[str, object], key: str) -> Sequence[str]:
-    found = table.get(key, [])
-    names = [found] if isinstance(found, str) else found
+    given = table.get(key, [])
+    names = [given] if isinstance(given, str) else given
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise SceneError(f"search.{key}: name quantities, such as 'recovery.wheat'")
     return names

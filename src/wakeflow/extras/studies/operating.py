@@ -36,8 +36,8 @@ def operating_map(
     scene: Scene | Path | str,
     out: Path | str,
     *,
-    air: Sequence[object] | None = None,
-    feed: Sequence[object] | None = None,
+    air: Sequence[object] = (),
+    feed: Sequence[object] = (),
     **how: Any,
 ) -> tuple[Sweep, Path]:
     """Sweep ``scene`` over air speeds and feed rates, by default four fifths, once and six fifths of its own, and draw
@@ -49,24 +49,24 @@ def operating_map(
     """
     from ...show.many_figures import draw_map, main_quantities
 
-    asked = Scene.of(scene)
-    if asked.air is None or asked.air.still or asked.feed.rate is None:
+    machine = Scene.of(scene)
+    if machine.air is None or machine.air.still or machine.feed.rate is None:
         raise SceneError("a map needs an air.speed above 0 and a feed.rate in the scene")
-    fan = asked.air.fan
-    key, own = (SPEED, asked.air.speed) if fan is None else (TURNS, fan.speed_ratio)
-    speeds = list(air) if air else [part * own for part in AROUND]
-    rates = list(feed) if feed else [part * asked.feed.rate for part in AROUND]
+    fan = machine.air.fan
+    key, now = (SPEED, machine.air.speed) if fan is None else (TURNS, fan.speed_ratio)
+    speeds = list(air) if air else [part * now for part in AROUND]
+    rates = list(feed) if feed else [part * machine.feed.rate for part in AROUND]
     if min(len(speeds), len(rates)) < 2:
         raise SceneError("a map needs two air speeds and two feed rates at least")
 
     def draw(figure: Path, table: ResultTable) -> None:
         draw_map(figure, table, main_quantities(table), key, RATE)
 
-    return _swept(asked, {key: speeds, RATE: rates}, out, "map", draw, how)
+    return _swept(machine, {key: speeds, RATE: rates}, out, "map", draw, how)
 
 
 def capacity(
-    scene: Scene | Path | str, out: Path | str, *, feed: Sequence[object] | None = None, **how: Any
+    scene: Scene | Path | str, out: Path | str, *, feed: Sequence[object] = (), **how: Any
 ) -> tuple[Sweep, Path]:
     """Sweep ``scene`` over feed rates, by default a quarter to twice its own, and draw what is lost of every fraction
     with a target, the dirt in its bins and what a scene with prices earns over the rate; returns both. ``how`` and
@@ -74,29 +74,29 @@ def capacity(
     """
     from ...show.many_figures import draw_lines
 
-    asked = Scene.of(scene)
-    if asked.feed.rate is None:
+    machine = Scene.of(scene)
+    if machine.feed.rate is None:
         raise SceneError("a capacity curve needs a feed.rate in the scene")
-    rates = list(feed) if feed else [part * asked.feed.rate for part in RATES]
+    rates = list(feed) if feed else [part * machine.feed.rate for part in RATES]
     if len(rates) < 2:
         raise SceneError("a capacity curve needs two feed rates at least")
 
     def draw(figure: Path, table: ResultTable) -> None:
         draw_lines(figure, table, [name for name in table.names if name.startswith(("loss.", "dirt.", TOTAL))], RATE)
 
-    return _swept(asked, {RATE: rates}, out, "capacity", draw, how)
+    return _swept(machine, {RATE: rates}, out, "capacity", draw, how)
 
 
-def met_up_to(table: ResultTable, limits: Mapping[str, float]) -> dict[str, float | None]:
-    """The feed rate (kg/s) up to which every answer of a capacity curve meets each of the ``limits``; None where not
-    even the least does.
+def met_up_to(table: ResultTable, limits: Mapping[str, float]) -> dict[str, float]:
+    """The feed rate (kg/s) up to which every answer of a capacity curve meets each of the ``limits``; 0 where not even
+    the least does.
     """
     rows = sorted(table.done, key=lambda entry: float(entry.inputs[RATE]))
-    found = {}
+    rates = {}
     for name, most in limits.items():
         met = list(takewhile(lambda row, n=name, m=most: not row.reason and row.by_name[n].high <= m, rows))  # type: ignore[misc]
-        found[name] = float(met[-1].inputs[RATE]) if met else None
-    return found
+        rates[name] = float(met[-1].inputs[RATE]) if met else 0.0
+    return rates
 
 
 def met_at(table: ResultTable, limits: Mapping[str, float]) -> dict[str, Counter[str]]:
@@ -124,30 +124,32 @@ def _swept(
         raise SceneError("no fraction has a target, so that nothing is recovered: give fraction.NAME.target, a bin")
     grid = variants(scene, axes)
     scenes = [one.scene for one in grid if one.scene is not None]
-    told = (make_plan(one, rung=how.get("rung"), force=switched(how.get("force"))).why_void for one in scenes)
-    if len(void := list(takewhile(bool, told))) == len(scenes) > 0:
+    reasons = (make_plan(one, rung=how.get("rung"), force=switched(how.get("force"))).why_void for one in scenes)
+    if len(void := list(takewhile(bool, reasons))) == len(scenes) > 0:
         raise SceneError(f"every answer of the {name} would be void: {void[0]}")
     folder = path_of(out, "out")
     figure = folder / "figures" / f"{name}.png"
     sums.refuse_foreign(folder, saved(figure), name)
-    found = sweep(grid, folder, figures=False, **how)
-    table = of_worth(found.table)
+    made = sweep(grid, folder, figures=False, **how)
+    table = of_worth(made.table)
     if not table.done:
         raise SceneError("every answer is void, so that there is nothing to draw; the first: see the table's reasons")
     with sums.writing(folder, lambda: saved(figure), name):
         draw(figure, table)
-    return found, figure
+    return made, figure
 
 
-def met_lines(met: Mapping[str, float | None], limits: Mapping[str, float]) -> list[str]:
+def met_lines(met: Mapping[str, float], limits: Mapping[str, float]) -> list[str]:
     """Up to which feed rate (kg/s) each limit is met, a line each."""
-    rates = {name: "at none of these rates" if rate is None else f"up to {say(3600.0 * rate, 'kg/h', 4)}"
+    rates = {name: f"up to {say(3600.0 * rate, 'kg/h', 4)}" if rate else "at none of these rates"
              for name, rate in met.items()}  # fmt: skip
     return [f"{name} at most {100 * limits[name]:.4g} %: met {until}" for name, until in rates.items()]
 
 
-def counted_lines(found: Mapping[str, Mapping[str, int]], limits: Mapping[str, float]) -> list[str]:
+def counted_lines(counts: Mapping[str, Mapping[str, int]], limits: Mapping[str, float]) -> list[str]:
     """At how many settings each limit is met, not met and open, a line each."""
-    told = {name: ", ".join(f"{verdict} at {count}" for verdict, count in row.items()) for name, row in found.items()}
-    return [f"{name} at most {100 * limits[name]:.4g} %: {told[name]} of {sum(row.values())} settings"
-            for name, row in found.items()]  # fmt: skip
+    verdicts = {
+        name: ", ".join(f"{verdict} at {count}" for verdict, count in row.items()) for name, row in counts.items()
+    }
+    return [f"{name} at most {100 * limits[name]:.4g} %: {verdicts[name]} of {sum(row.values())} settings"
+            for name, row in counts.items()]  # fmt: skip

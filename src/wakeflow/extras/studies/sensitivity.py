@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...answer.measurements import SWEPT, InputMove, Remaining, drawn_moves, grouped, least_sure, remaining
 from ...answer.result import Result
-from ...answer.result_table import Difference, differences_of
+from ...answer.result_table import differences_of
 from ...answer.shares import InputSummary
 from ...core import sums
 from ...core.errors import SceneError
@@ -85,13 +85,13 @@ class Sensitivity:
             if name not in self.by_quantity:
                 raise SceneError(f"no quantity {name!r} in this table{did_you_mean(name, list(self.by_quantity))}")
         every = {name: self.by_quantity[name] for name in quantities or self.main}
-        return {name: [one for one in moves if one.reach > 0.0] or moves for name, moves in every.items()}
+        return {name: [move for move in moves if move.reach > 0.0] or moves for name, moves in every.items()}
 
     def unexplained(self, quantity: str) -> float | None:
         """The part of a share's variance that no input has alone, where that is much: inputs act together, or the share
         is bent over them. None where it is not, or where no draws tell.
         """
-        indices = [one.index for one in self.by_quantity[quantity] if one.index is not None]
+        indices = [move.index for move in self.by_quantity[quantity] if move.index is not None]
         return 1.0 - sum(indices) if indices and sum(indices) < EXPLAINED else None
 
     def remaining(self, known: Mapping[str, float | str] | None = None) -> dict[str, list[Remaining]]:
@@ -154,15 +154,16 @@ def sensitivity(
     """
     if not isinstance(scene, Result) and not (isinstance(scene, Path | str) and Path(scene).is_dir()):
         _ends(_axes(over), Scene.of(scene))  # what is wrong with a key is said before anything is computed
-    result = _finished(scene, out, rung, force, partial(run, workers=workers, listener=listener, planned=planned))
+    how = {"rung": rung, "force": force}
+    result = _finished(scene, how, partial(run, out=out, workers=workers, listener=listener, planned=planned))
     folder = result.folder if out is None else path_of(out, "out")
     _claim(folder)
     moves, axes, failed = drawn_moves(result.landings), _axes(over, result), {}
     if axes:
         made_folder(folder)
-        found, pairs = _ends(axes, Scene.parse(result.scene))
+        ends, pairs = _ends(axes, Scene.parse(result.scene))
         done = sweep(
-            found, folder / FLOWN, rung=result.options.rung, force=result.options.force, scheduler=scheduler,
+            ends, folder / FLOWN, rung=result.options.rung, force=result.options.force, scheduler=scheduler,
             workers=workers, figures=False, listener=listener,
         )  # fmt: skip
         moves, failed = _joined(_swept_moves(pairs, done), moves), done.failed
@@ -185,17 +186,11 @@ def _claim(folder: Path) -> None:
     sums.refuse_foreign(folder, saved(folder / FIGURE), TORNADO)
 
 
-def _finished(
-    scene: Scene | Result | Path | str,
-    out: Path | str | None,
-    rung: str | None,
-    force: States | None,
-    run_it: Callable[..., Result],
-) -> Result:
+def _finished(scene: Scene | Result | Path | str, how: Mapping[str, object], run_it: Callable[..., Result]) -> Result:
     """The run that is asked about, computed where it has not been."""
     if not isinstance(scene, Result) and (isinstance(scene, Scene) or not Path(scene).is_dir()):
-        return run_it(scene, out, rung=rung, force=force)
-    if rung is not None or force:
+        return run_it(scene, **how)
+    if any(how.values()):
         raise SceneError("a finished run has its rung and its terms; give its scene to change them")
     return scene if isinstance(scene, Result) else Result.load(scene)
 
@@ -206,17 +201,17 @@ def _axes(over: Mapping[str, object] | Sequence[str], result: Result | None = No
     """
     alone = [] if isinstance(over, Mapping) else [text for text in over if "=" not in text]
     if isinstance(over, Mapping):
-        found = axes_of(over, "sensitivity")
+        axes = axes_of(over, "sensitivity")
     else:
-        found = [axis_of_text(text, "--over") for text in over if "=" in text]
-    keys = [*(key for axis in found for key in axis.keys), *alone]
+        axes = [axis_of_text(text, "--over") for text in over if "=" in text]
+    keys = [*(key for axis in axes for key in axis.keys), *alone]
     if twice := next((key for key in keys if keys.count(key) > 1), None):
         raise SceneError(f"--over {twice} is given twice; give its two ends once, as in --over {twice}=LOW,HIGH")
     if result is not None:
-        found += [_own_interval(key, result) for key in alone]
-    if single := [axis.key for axis in found if len(axis.values) < 2]:
+        axes += [_own_interval(key, result) for key in alone]
+    if single := [axis.key for axis in axes if len(axis.values) < 2]:
         raise SceneError(f"{single[0]}: give its two ends, as in --over {single[0]}=LOW,HIGH")
-    return found
+    return axes
 
 
 def _own_interval(key: str, result: Result) -> Axis:
@@ -249,20 +244,20 @@ def _ends(axes: Sequence[Axis], scene: Scene) -> tuple[list[Variant], dict[str, 
     if not axes:
         return [], {}
     ends = {axis.key: [axis.values[0], axis.values[-1]] for axis in axes}
-    found = variants(scene, ends, design="one-at-a-time")
-    return found, {axis.key: _pair(axis, found[1 + 2 * i : 3 + 2 * i]) for i, axis in enumerate(axes)}
+    made = variants(scene, ends, design="one-at-a-time")
+    return made, {axis.key: _pair(axis, made[1 + 2 * i : 3 + 2 * i]) for i, axis in enumerate(axes)}
 
 
 def _pair(axis: Axis, ends: Sequence[Variant]) -> tuple[End, End]:
     """The scenes in which an input lies at its lower and at its upper end. Raises SceneError where it is no number."""
     pair = []
-    for one in ends:
-        value = one.inputs.get(axis.keys[0])
-        if one.scene is None:
-            raise SceneError(f"{axis.key}: {one.problem}")
+    for variant in ends:
+        value = variant.inputs.get(axis.keys[0])
+        if variant.scene is None:
+            raise SceneError(f"{axis.key}: {variant.problem}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise SceneError(f"{axis.key} = {value!r}: a sensitivity is that of a number")
-        pair.append((float(value), one.name))
+        pair.append((float(value), variant.name))
     return min(pair), max(pair)
 
 
@@ -271,31 +266,27 @@ def _swept_moves(pairs: Mapping[str, tuple[End, End]], done: Sweep) -> list[Inpu
     base, changes = done.table.entries[0], differences_of(done.table.entries)
     if not base.quantities:
         raise SceneError(f"the scene as it is cannot be computed: {base.reason}")
-    by_name: dict[tuple[str, str], Difference] = {(one.scene, one.quantity): one for one in changes}
+    by_name = {(change.scene, change.quantity): change for change in changes}
     moves = []
     for key, ((low, at_low), (high, at_high)) in pairs.items():
         unit = unit_of(key.partition("=")[0].strip().removeprefix("-"))
-        for one in base.quantities:
-            there = [by_name.get((scene, one.name)) for scene in (at_low, at_high)]
+        for number in base.quantities:
+            there = [by_name.get((scene, number.name)) for scene in (at_low, at_high)]
             known = [change for change in there if change is not None]
-            if one.name.startswith(PASSED_OVER) or not known:
+            if number.name.startswith(PASSED_OVER) or not known:
                 continue
             error = max(change.half for change in known) if all(change.known for change in known) else None
-            at_ends = [None if change is None else change.value for change in there]
-            moves.append(
-                InputMove(
-                    one.name, one.value, one.unit, key, low, high, unit, at_ends[0], at_ends[1], error, None, None,
-                    SWEPT,
-                )
-            )  # fmt: skip
+            change_low, change_high = (None if change is None else change.value for change in there)
+            what = number.name, number.value, number.unit
+            moves.append(InputMove(*what, key, low, high, unit, change_low, change_high, error, None, None, SWEPT))
     return moves
 
 
-def _joined(swept: Sequence[InputMove], told: Sequence[InputMove]) -> list[InputMove]:
+def _joined(swept: Sequence[InputMove], of_draws: Sequence[InputMove]) -> list[InputMove]:
     """What was swept, with the index that the draws gave it, and what was not."""
-    drawn = {(one.quantity, one.key): one for one in told}
+    drawn = {(move.quantity, move.key): move for move in of_draws}
     moves = []
-    for one in swept:
-        before = drawn.pop((one.quantity, one.key), None)
-        moves.append(one if before is None else replace(one, index=before.index, index_error=before.index_error))
+    for move in swept:
+        before = drawn.pop((move.quantity, move.key), None)
+        moves.append(move if before is None else replace(move, index=before.index, index_error=before.index_error))
     return [*moves, *drawn.values()]

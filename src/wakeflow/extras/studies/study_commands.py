@@ -10,22 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from ...cli.options import (
-    GATE,
-    PACE,
-    Folder,
-    Gate,
-    Pace,
-    Processes,
-    Quiet,
-    Settings,
-    Threads,
-    scene_and_folder,
-)  # fmt: skip
-from ...cli.screen import print_lines, print_table, screen_table
-from ...core.errors import SceneError, known
+from ...cli.options import GATE, PACE, Folder, Gate, Pace, Processes, Quiet, Settings, Threads, scene_and_folder
+from ...core.errors import SceneError
 from ...core.quantities import say, speaking
 from ...scene.overrides import setting
+from ...show.screen import print_lines, print_table, screen_table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -101,86 +90,87 @@ def sensitivity(
     from ...runs.progress import live
     from .sensitivity import sensitivity as find
 
-    asked: Scene | Path = scene
+    subject: Scene | Path = scene
     if not scene.is_dir():
-        asked, out = scene_and_folder(scene, settings, gate, out)
+        subject, out = scene_and_folder(scene, settings, gate, out)
     elif settings:
         raise SceneError("a finished run has its numbers; give its scene file to change them with --set")
     with live(enabled=not quiet) as listener:
-        found = find(asked, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
-    figure, left = found.plot(of), found.remaining(dict(setting(one, "--known", "KEY=HALF") for one in known))
+        result = find(subject, out, over=over, workers=workers, listener=listener, planned=listener.planned, **gate.how)
+    figure, left = result.plot(of), result.remaining(dict(setting(pair, "--known", "KEY=HALF") for pair in known))
     if not quiet:
-        show_moves(found, of)
-        show_remaining(found.result, left)
-        print(f"{figure}\n{found.folder / 'sensitivity.csv'}")
+        show_moves(result, of)
+        show_remaining(result.result, left)
+        print(f"{figure}\n{result.folder / 'sensitivity.csv'}")
 
 
-def show_moves(found: Sensitivity, quantities: Sequence[str] = ()) -> None:
+def show_moves(result: Sensitivity, quantities: Sequence[str] = ()) -> None:
     """Print what each input alone does to ``quantities``, by default to each fraction's share that is moved most, and
     the part that it has of the variance; what failed, and where the draws do not tell enough.
     """
     from rich.console import Console
 
-    console, shown = Console(), found.of(quantities)
+    console, shown = Console(), result.of(quantities)
     for name, moves in shown.items():
-        sure = [one for one in moves if one.error is None or one.error < one.reach]
+        sure = [move for move in moves if move.error is None or move.error < move.reach]
         if sure:
             console.print(_moves_table(name, sure[:MAX_INPUTS]))
         if rest := len(moves) - len(sure):
             which = f"{rest} other input{'s' if rest > 1 else ''}" if sure else "any input"
             console.print(f"{name}: what {which} may change is within its own error", soft_wrap=True)
-    lines = [f"! {name}: {reason}" for name, reason in found.failed.items()]
-    lines += [_advice(name, left, shown[name]) for name in shown if (left := found.unexplained(name)) is not None]
+    lines = [f"! {name}: {reason}" for name, reason in result.failed.items()]
+    lines += [_advice(name, left, shown[name]) for name in shown if (left := result.unexplained(name)) is not None]
     print_lines(lines)
 
 
 def show_remaining(result: Result, left: Mapping[str, Sequence[Remaining]]) -> None:
     """Print what measuring inputs would leave of the interval of each recovery."""
-
     from ...show.words import percent
 
     for name, rows in left.items():
-        value = known(known(result.landings).separation.recovery[name])
-        title = f"recovery.{name}, {percent(value)} %; half of its 95 % interval, points, with inputs known better"
+        now = f"recovery.{name}, {percent(result.recovery(name))} %"
+        title = f"{now}; half of its 95 % interval, points, with inputs known better"
         heads = ("input", "now ±", "known to ±", "alone", "with those above")
         if rows:
             print_table(heads, map(_left, rows[:MAX_INPUTS]), title)
 
 
-def _left(one: Remaining) -> list[str]:
+def _left(left: Remaining) -> list[str]:
     from ...show.plan_words import UNITS
 
     with speaking(UNITS):
-        halves = [say(half, one.unit or "1", 2) for half in (one.now, one.measured)]
-    return [one.key, *halves, *(f"{100 * half:.1f}" for half in (one.alone, one.together))]
+        halves = [say(half, left.unit or "1", 2) for half in (left.now, left.measured)]
+    return [left.key, *halves, *(f"{100 * half:.1f}" for half in (left.alone, left.together))]
 
 
 def _moves_table(name: str, moves: Sequence[InputMove]) -> Table:
-    one = moves[0]
-    title = f"{name}, {_number(one, one.value)} {'%' if one.is_part else one.measure}; changes"
-    title += f" in {'percentage points' if one.is_part else one.measure}"
+    first = moves[0]
+    title = f"{name}, {_number(first, first.value)} {'%' if first.is_part else first.measure}; changes"
+    title += f" in {'percentage points' if first.is_part else first.measure}"
     return screen_table(("input", "from", "to", "at from", "at to", "±", "part"), map(_row, moves), title)
 
 
-def _row(one: InputMove) -> list[str]:
+def _row(move: InputMove) -> list[str]:
     from ...show.plan_words import UNITS
     from ...show.words import NO_VALUE
 
     with speaking(UNITS):
-        ends = [say(end, one.unit or "1", 3) for end in (one.low, one.high)]
-    changes = (NO_VALUE if change is None else f"{_number(one, change):+.2g}" for change in (one.at_low, one.at_high))
-    error = NO_VALUE if one.error is None else f"{_number(one, one.error):.2g}"
-    index = NO_VALUE if one.index is None else f"{100 * one.index:.0f} %"
-    return [one.key, *ends, *changes, error, index]
+        ends = [say(end, move.unit or "1", 3) for end in (move.low, move.high)]
+    changes = (
+        NO_VALUE if change is None else f"{_number(move, change):+.2g}" for change in (move.at_low, move.at_high)
+    )
+    error = NO_VALUE if move.error is None else f"{_number(move, move.error):.2g}"
+    index = NO_VALUE if move.index is None else f"{100 * move.index:.0f} %"
+    return [move.key, *ends, *changes, error, index]
 
 
-def _number(one: InputMove, number: float) -> float:
-    return float(f"{(100.0 if one.is_part else 1.0) * number:.3g}")
+def _number(move: InputMove, number: float) -> float:
+    return float(f"{(100.0 if move.is_part else 1.0) * number:.3g}")
 
 
 def _advice(name: str, left: float, moves: Sequence[InputMove]) -> str:
     """How to know more of a share of which what each input does alone explains too little."""
-    keys = " ".join(f"--over {one.key}" for one in moves[:2])
+    keys = " ".join(f"--over {move.key}" for move in moves[:2])
     part = f"{100 * left:.0f} % of its uncertainty (of the variance)"
     return f"{name}: {part} is no single input's; runs at both ends of the largest tell more: {keys}"
 
@@ -234,31 +224,30 @@ def _operated(
     made: Callable[..., tuple[Sweep, Path]], name: str, scene: Path, feed: str | None, options: Turned
 ) -> int:
     """A map or a curve of a scene over what an operator turns, drawn and printed."""
-    from ...cli.screen import print_lines
-    from ...cli.show_result import show_sweep
     from ...runs.effort import quick_settings
     from ...runs.progress import live
+    from ...show.terminal import show_sweep
     from .operating import counted_lines, met_at, met_lines, met_up_to
 
-    asked, folder = scene_and_folder(scene, options.settings, options.pace, None)
+    machine, folder = scene_and_folder(scene, options.settings, options.pace, None)
     how = options.pace.how
     if options.pace.quick:
-        asked, how = quick_settings(asked, how)
+        machine, how = quick_settings(machine, how)
     rates, target = _values("feed.rate", feed), options.out or folder.with_name(f"{folder.name}+{name}")
     with live(enabled=not options.quiet) as listener:
-        found, figure = made(asked, target, feed=rates, workers=options.workers, listener=listener, **how)
+        sweep, figure = made(machine, target, feed=rates, workers=options.workers, listener=listener, **how)
     if not options.quiet:
-        show_sweep(found)
-        limits = asked.limit.asked
+        show_sweep(sweep.table, sweep.folder)
+        limits = machine.limit.asked
         if name == "capacity":
-            print_lines(met_lines(met_up_to(found.table, limits), limits))
+            print_lines(met_lines(met_up_to(sweep.table, limits), limits))
         else:
-            print_lines(counted_lines(met_at(found.table, limits), limits))
+            print_lines(counted_lines(met_at(sweep.table, limits), limits))
         print(figure)
-    return SOME_FAILED if found.failed else 0
+    return SOME_FAILED if sweep.failed else 0
 
 
-def _values(key: str, text: str | None) -> Sequence[object] | None:
+def _values(key: str, text: str | None) -> Sequence[object]:
     from ...many.axis import axis_of_text
 
-    return None if text is None else axis_of_text(f"{key}={text}").values
+    return () if text is None else axis_of_text(f"{key}={text}").values

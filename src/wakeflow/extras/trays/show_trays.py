@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...cli.screen import print_lines, print_table
-from ...cli.show_result import show_agreement
 from ...core.errors import known
 from ...core.quantities import say, speaking
 from ...show.plan_words import UNITS
+from ...show.screen import print_lines, print_table
+from ...show.terminal import show_agreement
 from ...show.words import percent
 from .calibration import TELLS
 

@@ -21,7 +21,8 @@ from ..kernel.dispersion import mirror
 from ..kernel.events import seen_from, wall_motion
 from ..kernel.jit import called, compiled
 from ..kernel.locate import barycentric
-from ..kernel.strike import flake_spin, restitution_of, stays, tilted
+from ..kernel.step import leave
+from ..kernel.strike import flake_spin, friction_of, restitution_of, stays, tilted
 from ..kernel.walls import clearance, grasp, inside, overlap
 from . import slab_layout as of
 from .slab_air import GONE, aim, stir
@@ -35,29 +36,23 @@ NOBODY = np.int64(-1)
 
 
 @compiled
-def _friction(grain, walls, body):
-    own = walls.bodies[body, at.BODY_FRICTION]
-    return grain[at.FRICTION] if own < 0.0 else own
-
-
-@compiled
-def _kick(state, own, grain, nx, ny, wx, wy, e, f, q):
+def _kick(state, extra, grain, nx, ny, wx, wy, e, f, q):
     """One collision with a wall that moves with w: velocity and spin; returns the normal impulse over the mass. ``q``
     m r^2 / I.
     """
-    r, light = grain[at.RADIUS], own[of.LIGHT]
+    r, light = grain[at.RADIUS], extra[of.LIGHT]
     arm = r if q > 0.0 else 0.0
     jx, jy, jz, jn = pair_law(
-        state[at.VX] - wx, state[at.VY] - wy, own[of.VZ], arm * own[of.WX], arm * own[of.WY], arm * state[at.SPIN],
-        nx, ny, 0.0, light, 0.0, q, 0.0, e, f, grain[at.GIVES_BACK],
+        state[at.VX] - wx, state[at.VY] - wy, extra[of.VZ], arm * extra[of.WX], arm * extra[of.WY],
+        arm * state[at.SPIN], nx, ny, 0.0, light, 0.0, q, 0.0, e, f, grain[at.GIVES_BACK],
     )  # fmt: skip
     state[at.VX] += light * jx
     state[at.VY] += light * jy
-    own[of.VZ] += light * jz
-    own[of.DRAG] = 0.0
+    extra[of.VZ] += light * jz
+    extra[of.DRAG] = 0.0
     turn = light * q / r
-    own[of.WX] -= turn * ny * jz
-    own[of.WY] += turn * nx * jz
+    extra[of.WX] -= turn * ny * jz
+    extra[of.WY] += turn * nx * jz
     state[at.SPIN] -= turn * (nx * jy - ny * jx)
     return light * jn
 
@@ -71,7 +66,7 @@ def _touched(state, grain, walls, body, nx, ny):
 
 
 @called
-def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
+def hit_wall(state, ints, extra, grain, walls, rules, path, hold, h, kind, which):
     """The granule reaches a feature within a step h: collision; contact that lasts where a bounce is not followed."""
     body, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
     nx, ny = hold[at.NX], hold[at.NY]
@@ -85,15 +80,15 @@ def hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which):
     e = restitution_of(state, grain, walls, body, nx, ny, wx, wy)
     if grain[at.NOISE] != 0.0:
         mirror(state, ints, nx, ny)
-    f, mx, my = _friction(grain, walls, body), nx, ny
+    f, mx, my = friction_of(grain, walls, body), nx, ny
     if grain[at.SCATTER] != 0.0:  # in the plane alone: the rms angle is that of the plane's projection (laws/rebound)
         mx, my = tilted(state, ints, hold, grain, wx, wy, e, f, rules.seed)
     sx, sy, spin = state[at.VX] - wx, state[at.VY] - wy, state[at.SPIN]
-    across = own[of.WX], own[of.WY]
-    normal = _kick(state, own, grain, mx, my, wx, wy, e, f, grain[at.BLOW])
+    across = extra[of.WX], extra[of.WY]
+    normal = _kick(state, extra, grain, mx, my, wx, wy, e, f, grain[at.BLOW])
     rx, ry = state[at.VX] - wx, state[at.VY] - wy
     if grain[at.TOSS] != 0.0:
-        own[of.WX], own[of.WY] = across
+        extra[of.WX], extra[of.WY] = across
         state[at.SPIN] = flake_spin(ints, grain, spin, sx, sy, rx, ry, mx, my, rules.seed)
     if normal > 0.0:
         ints[at.IMPACTS] += 1
@@ -125,7 +120,7 @@ def _deepest(walls, body, x, y, r):
 
 
 @compiled
-def press(state, ints, own, grain, walls, rules, hold, h, pull):
+def press(state, ints, extra, grain, walls, rules, hold, h, pull):
     """Take what reaches into walls out of them, by impulses of contacts that last h (0: only put it back); whether
     anything did. ``pull`` m/s2: the acceleration of the step, by which slow approaches are distinguished from strikes.
     """
@@ -144,19 +139,19 @@ def press(state, ints, own, grain, walls, rules, hold, h, pull):
             if stays(state, ints, grain, walls, body, nx, ny, wx, wy, rules.seed):
                 return True
             hold[at.KIND] = at.FREE
-            vx, vy, vz = state[at.VX], state[at.VY], own[of.VZ]
+            vx, vy, vz = state[at.VX], state[at.VY], extra[of.VZ]
             _, _, px, py, _ = wall_motion(walls.bodies, body, state[at.T], state[at.X], state[at.Y], vx, vy)
             approach = -((vx - wx) * nx + (vy - wy) * ny)
             if approach > 0.0:
                 slow = approach <= PULLS * h * (pull + math.hypot(px, py)) + at.SLOW
                 e = 0.0 if slow else restitution_of(state, grain, walls, body, nx, ny, wx, wy)
                 q = grain[at.MOBILITY]
-                _kick(state, own, grain, nx, ny, wx, wy, e, _friction(grain, walls, body), q)
+                _kick(state, extra, grain, nx, ny, wx, wy, e, friction_of(grain, walls, body), q)
                 if slow:
                     lasting = 0.5 * h
                     state[at.X] += lasting * (state[at.VX] - vx)
                     state[at.Y] += lasting * (state[at.VY] - vy)
-                    own[of.Z] += lasting * (own[of.VZ] - vz)
+                    extra[of.Z] += lasting * (extra[of.VZ] - vz)
                 else:
                     ints[at.IMPACTS] += 1
             _, off = grasp(hold, walls, kind, which, grain[at.RADIUS], state[at.X], state[at.Y], state[at.T])
@@ -174,31 +169,30 @@ MAX_PIECES = 32  # of a step: a granule that rattles faster is pressed on
 SAME = 1e-6  # of a step: round-off between the ends of steps and of intervals of noise
 SPARE = 1.05  # of the straight way: a path of one step bends less
 C0, C1, C2, C3, C4, C5, C6, C7 = (1.0 / math.factorial(k + 2) for k in range(8))  # of the series of phi_2
-ON_LINE = 1e-9  # of the extent: round-off of a place on the mesh's boundary (as in kernel.edge_crossing)
 
 
 @compiled
-def begin_leg(state, own, tally, clock):
+def begin_leg(state, extra, tally, clock):
     """A piece of path begins, on which the granule can be met."""
-    own[of.LEG_BEGIN] = state[at.T] - clock[of.NOW]
-    own[of.LEG_X], own[of.LEG_Y], own[of.LEG_Z] = state[at.X], state[at.Y], own[of.Z]
-    own[of.LEG_VX], own[of.LEG_VY], own[of.LEG_VZ] = state[at.VX], state[at.VY], own[of.VZ]
-    own[of.LEG_WX], own[of.LEG_WY], own[of.LEG_WZ] = own[of.WX], own[of.WY], state[at.SPIN]
-    own[of.LEG_GAIN_X], own[of.LEG_GAIN_Y] = state[at.GAIN_X], state[at.GAIN_Y]
+    extra[of.LEG_BEGIN] = state[at.T] - clock[of.NOW]
+    extra[of.LEG_X], extra[of.LEG_Y], extra[of.LEG_Z] = state[at.X], state[at.Y], extra[of.Z]
+    extra[of.LEG_VX], extra[of.LEG_VY], extra[of.LEG_VZ] = state[at.VX], state[at.VY], extra[of.VZ]
+    extra[of.LEG_WX], extra[of.LEG_WY], extra[of.LEG_WZ] = extra[of.WX], extra[of.WY], state[at.SPIN]
+    extra[of.LEG_GAIN_X], extra[of.LEG_GAIN_Y] = state[at.GAIN_X], state[at.GAIN_Y]
     tally[of.STAMP] += 1
 
 
 @compiled
-def end_leg(state, own, clock):
+def end_leg(state, extra, clock):
     """It ends where the granule is now: the parabola between."""
-    own[of.LEG_END] = state[at.T] - clock[of.NOW]
-    s = own[of.LEG_END] - own[of.LEG_BEGIN]
-    own[of.LEG_AX] = own[of.LEG_AY] = own[of.LEG_AZ] = 0.0
+    extra[of.LEG_END] = state[at.T] - clock[of.NOW]
+    s = extra[of.LEG_END] - extra[of.LEG_BEGIN]
+    extra[of.LEG_AX] = extra[of.LEG_AY] = extra[of.LEG_AZ] = 0.0
     if s > 0.0:
         twice = 2.0 / (s * s)
-        own[of.LEG_AX] = twice * (state[at.X] - own[of.LEG_X] - s * own[of.LEG_VX])
-        own[of.LEG_AY] = twice * (state[at.Y] - own[of.LEG_Y] - s * own[of.LEG_VY])
-        own[of.LEG_AZ] = twice * (own[of.Z] - own[of.LEG_Z] - s * own[of.LEG_VZ])
+        extra[of.LEG_AX] = twice * (state[at.X] - extra[of.LEG_X] - s * extra[of.LEG_VX])
+        extra[of.LEG_AY] = twice * (state[at.Y] - extra[of.LEG_Y] - s * extra[of.LEG_VY])
+        extra[of.LEG_AZ] = twice * (extra[of.Z] - extra[of.LEG_Z] - s * extra[of.LEG_VZ])
 
 
 @compiled
@@ -223,7 +217,7 @@ def _gain(state, vx, vy):
 
 
 @compiled
-def _glide(path, own, h):
+def _glide(path, extra, h):
     """Place and velocity at the end of the path, across the slab too."""
     e, p1, p2 = _decay(-path[at.RATE] * h)
     a, b = h * p1, h * h * p2
@@ -232,13 +226,13 @@ def _glide(path, own, h):
         path[at.START_Y] + a * path[at.START_VY] + b * path[at.N0Y],
         e * path[at.START_VX] + a * path[at.N0X],
         e * path[at.START_VY] + a * path[at.N0Y],
-        own[of.Z] + a * own[of.VZ] + b * own[of.PULL_Z],
-        e * own[of.VZ] + a * own[of.PULL_Z],
+        extra[of.Z] + a * extra[of.VZ] + b * extra[of.PULL_Z],
+        e * extra[of.VZ] + a * extra[of.PULL_Z],
     )
 
 
 @called
-def _leave(state, ints, own, air, walls, rules, clock):
+def _leave(state, ints, extra, air, walls, rules, clock):
     """End the track where its straight way crosses the mesh's edge, on the line that lies there."""
     g, tri = air.geometry, ints[at.TRI]
     x, y = state[at.X] - clock[of.OUT_X], state[at.Y] - clock[of.OUT_Y]
@@ -255,82 +249,73 @@ def _leave(state, ints, own, air, walls, rules, clock):
     s = min(most, max(-most, s))
     state[at.X] += s * state[at.VX]
     state[at.Y] += s * state[at.VY]
-    own[of.Z] += s * own[of.VZ]
+    extra[of.Z] += s * extra[of.VZ]
     state[at.T] += s
-    ints[at.FATE] = at.ESCAPED
-    near = (ON_LINE + rules.allowance) * rules.extent
-    for i in range(walls.lines.shape[0]):
-        x0, y0 = walls.lines[i, at.FROM_X], walls.lines[i, at.FROM_Y]
-        ex, ey = walls.lines[i, at.TO_X] - x0, walls.lines[i, at.TO_Y] - y0
-        w = ((state[at.X] - x0) * ex + (state[at.Y] - y0) * ey) / (ex * ex + ey * ey)
-        w = min(1.0, max(0.0, w))
-        if math.hypot(state[at.X] - x0 - w * ex, state[at.Y] - y0 - w * ey) <= near:
-            ints[at.FATE], ints[at.LINE] = at.BINNED, walls.line_ids[i]
-            return
+    leave(state, ints, walls, rules)
 
 
 @compiled
-def _alone(state, own, grain, walls, rules, end):
+def _alone(state, extra, grain, walls, rules, end):
     """Whether no wall and no line can be met on the way to ``end``."""
     dx, dy = end[0] - state[at.X], end[1] - state[at.Y]
     way = SPARE * math.sqrt(dx * dx + dy * dy) + rules.skin
-    if own[of.ROOM] < way:
-        own[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
-    if own[of.ROOM] < way:
+    if extra[of.ROOM] < way:
+        extra[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
+    if extra[of.ROOM] < way:
         return False
-    own[of.ROOM] -= way
+    extra[of.ROOM] -= way
     return True
 
 
 @compiled
-def _slide(state, ints, own, grain, walls, rules, path, hold, h):
-    """For a granule just moved freely over a step h that it began on a wall: the wall's impulse, and whether it is held
-    there.
+def _slide(state, ints, extra, grain, walls, rules, path, hold, h):
+    """The wall's impulse on a granule just moved freely over a step h that it began on that wall, and whether it is
+    held there.
     """
     body = ints[at.BODY]
     rate = path[at.RATE]
     pull = math.hypot(path[at.N0X] - rate * path[at.START_VX], path[at.N0Y] - rate * path[at.START_VY])
-    if not press(state, ints, own, grain, walls, rules, hold, h, pull):
+    if not press(state, ints, extra, grain, walls, rules, hold, h, pull):
         ints[at.CONTACT] = at.FREE
     elif ints[at.FATE] == at.FLYING:
         wx, wy, _, _, _ = wall_motion(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
         rx, ry = state[at.VX] - wx, state[at.VY] - wy
-        if math.sqrt(rx * rx + ry * ry + own[of.VZ] * own[of.VZ]) <= STILL:
-            own[of.TOUCHED] = of.HELD_BY_WALL
+        if math.sqrt(rx * rx + ry * ry + extra[of.VZ] * extra[of.VZ]) <= STILL:
+            extra[of.TOUCHED] = of.HELD_BY_WALL
 
 
 @compiled
-def _by_walls(state, ints, own, tally, grain, walls, rules, clock, path, hold, end, h, last):
+def _by_walls(state, ints, extra, tally, grain, walls, rules, clock, path, hold, end, h, last):
     """The piece of path h past walls and lines: moves to the first that is met, or to its end."""
     t0 = state[at.T]
     s, kind, which = h, at.FREE, at.NOBODY
     if ints[at.CONTACT] == at.FREE and not last:
-        found, its_kind, its = first_wall(path, h, end, t0, grain[at.RADIUS], rules.skin, walls, ints)
-        if found >= 0.0:
-            s, kind, which = found, its_kind, its
-    found, line = first_line(path, s, along(path, s), t0, walls, rules.skin)
-    if found >= 0.0:
-        s, kind = found, at.FREE
-    x, y, vx, vy, z, vz = _glide(path, own, s)
+        met, its_kind, its = first_wall(path, h, end, t0, grain[at.RADIUS], rules.skin, walls, ints)
+        if met >= 0.0:
+            s, kind, which = met, its_kind, its
+    met, line = first_line(path, s, along(path, s), t0, walls, rules.skin)
+    if met >= 0.0:
+        s, kind = met, at.FREE
+    x, y, vx, vy, z, vz = _glide(path, extra, s)
     _gain(state, vx, vy)
-    state[at.X], state[at.Y], state[at.VX], state[at.VY], own[of.Z], own[of.VZ] = x, y, vx, vy, z, vz
+    state[at.X], state[at.Y], state[at.VX], state[at.VY], extra[of.Z], extra[of.VZ] = x, y, vx, vy, z, vz
     state[at.T] = clock[of.UNTIL] if s == h and t0 + h >= clock[of.UNTIL] else t0 + s
-    if found >= 0.0:
+    if met >= 0.0:
         ints[at.FATE], ints[at.LINE] = at.BINNED, line
     elif kind != at.FREE:
-        end_leg(state, own, clock)
-        hit_wall(state, ints, own, grain, walls, rules, path, hold, h, kind, which)
-        begin_leg(state, own, tally, clock)
+        end_leg(state, extra, clock)
+        hit_wall(state, ints, extra, grain, walls, rules, path, hold, h, kind, which)
+        begin_leg(state, extra, tally, clock)
     elif ints[at.CONTACT] != at.FREE or last:
-        _slide(state, ints, own, grain, walls, rules, path, hold, h)
+        _slide(state, ints, extra, grain, walls, rules, path, hold, h)
 
 
 @compiled
-def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, clock, room):
+def fly_on(state, ints, extra, tally, grain, table, air, nodes, walls, rules, clock, room):
     """Fly from the granule's time to the end of the step."""
     path, hold = room.path, room.hold
-    begin_leg(state, own, tally, clock)
-    own[of.TOUCHED] = of.LOOSE
+    begin_leg(state, extra, tally, clock)
+    extra[of.TOUCHED] = of.LOOSE
     pieces = 0
     while ints[at.FATE] == at.FLYING and state[at.T] < clock[of.UNTIL]:
         pieces += 1
@@ -342,19 +327,19 @@ def fly_on(state, ints, own, tally, grain, table, air, nodes, walls, rules, cloc
             if state[at.T_NOISE] < clock[of.UNTIL] - SAME * clock[of.STEP]:
                 h = min(h, state[at.T_NOISE] - state[at.T])
         ints[at.STEPS] += 1
-        if aim(state, ints, own, grain, table, air, nodes, walls, clock, path, h) == GONE:
-            _leave(state, ints, own, air, walls, rules, clock)
+        if aim(state, ints, extra, grain, table, air, nodes, walls, clock, path, h) == GONE:
+            _leave(state, ints, extra, air, walls, rules, clock)
             break
-        x, y, vx, vy, z, vz = _glide(path, own, h)
-        if ints[at.CONTACT] == at.FREE and _alone(state, own, grain, walls, rules, (x, y, vx, vy)):
+        x, y, vx, vy, z, vz = _glide(path, extra, h)
+        if ints[at.CONTACT] == at.FREE and _alone(state, extra, grain, walls, rules, (x, y, vx, vy)):
             _gain(state, vx, vy)
-            state[at.X], state[at.Y], state[at.VX], state[at.VY], own[of.Z], own[of.VZ] = x, y, vx, vy, z, vz
+            state[at.X], state[at.Y], state[at.VX], state[at.VY], extra[of.Z], extra[of.VZ] = x, y, vx, vy, z, vz
             state[at.T] = clock[of.UNTIL] if state[at.T] + h >= clock[of.UNTIL] else state[at.T] + h
         else:
-            own[of.ROOM] = 0.0
-            _by_walls(state, ints, own, tally, grain, walls, rules, clock, path, hold, (x, y, vx, vy), h, last)
+            extra[of.ROOM] = 0.0
+            _by_walls(state, ints, extra, tally, grain, walls, rules, clock, path, hold, (x, y, vx, vy), h, last)
         if last:
             state[at.T] = clock[of.UNTIL]
     if ints[at.FATE] == at.FLYING and ints[at.IMPACTS] >= rules.impacts:
         ints[at.FATE] = at.STOPPED
-    end_leg(state, own, clock)
+    end_leg(state, extra, clock)

@@ -45,15 +45,15 @@ def near(balls, i, j, depth):
 
 
 @compiled
-def _wrap(own, grain, ball):
+def _wrap(extra, grain, ball):
     """The ball about the way that a granule goes since its last strike; returns its radius."""
-    s = own[of.LEG_END] - own[of.LEG_BEGIN]
+    s = extra[of.LEG_END] - extra[of.LEG_BEGIN]
     half, sag = 0.5 * s, 0.125 * s * s
-    vx, vy, vz = own[of.LEG_VX], own[of.LEG_VY], own[of.LEG_VZ]
-    ax, ay, az = own[of.LEG_AX], own[of.LEG_AY], own[of.LEG_AZ]
-    ball[of.BALL_X] = own[of.LEG_X] + half * vx + sag * ax
-    ball[of.BALL_Y] = own[of.LEG_Y] + half * vy + sag * ay
-    ball[of.BALL_Z] = own[of.LEG_Z] + half * vz + sag * az
+    vx, vy, vz = extra[of.LEG_VX], extra[of.LEG_VY], extra[of.LEG_VZ]
+    ax, ay, az = extra[of.LEG_AX], extra[of.LEG_AY], extra[of.LEG_AZ]
+    ball[of.BALL_X] = extra[of.LEG_X] + half * vx + sag * ax
+    ball[of.BALL_Y] = extra[of.LEG_Y] + half * vy + sag * ay
+    ball[of.BALL_Z] = extra[of.LEG_Z] + half * vz + sag * az
     way = half * math.sqrt(vx * vx + vy * vy + vz * vz) + 3.0 * sag * math.sqrt(ax * ax + ay * ay + az * az)
     ball[of.BALL] = (1.0 + of.SPARE_BALL) * (grain[at.GIRTH] + way)
     return ball[of.BALL]
@@ -71,11 +71,11 @@ def _in_range(ball, reach, depth):
 
 
 @compiled
-def _reach_out(own, grain, ball, reach, clock):
+def _reach_out(extra, grain, ball, reach, clock):
     """The range of a granule: about where it will be, as fast as it is, for some steps; returns its radius."""
-    s = own[of.LEG_END] - own[of.LEG_BEGIN]
-    vx, vy, vz = own[of.LEG_VX] + s * own[of.LEG_AX], own[of.LEG_VY] + s * own[of.LEG_AY], own[of.LEG_VZ]
-    vz += s * own[of.LEG_AZ]
+    s = extra[of.LEG_END] - extra[of.LEG_BEGIN]
+    vx, vy, vz = extra[of.LEG_VX] + s * extra[of.LEG_AX], extra[of.LEG_VY] + s * extra[of.LEG_AY], extra[of.LEG_VZ]
+    vz += s * extra[of.LEG_AZ]
     ahead = 0.5 * (clock[of.AHEAD] - 1.0) * clock[of.STEP]
     way = (1.0 + SPARE_WAY) * ahead * math.sqrt(vx * vx + vy * vy + vz * vz)
     least = ball[of.BALL] + SPARE_RADIUS * grain[at.GIRTH]
@@ -134,8 +134,8 @@ def relist(crowd, cells, clock, counts, i):
     """
     unlist(cells, counts, i)
     cells.stamps[i] += 1
-    _wrap(crowd.own[i], crowd.grains[i], cells.balls[i])
-    reach = _reach_out(crowd.own[i], crowd.grains[i], cells.balls[i], cells.ranges[i], clock)
+    _wrap(crowd.extra[i], crowd.grains[i], cells.balls[i])
+    reach = _reach_out(crowd.extra[i], crowd.grains[i], cells.balls[i], cells.ranges[i], clock)
     clock[of.MOST] = max(clock[of.MOST], reach)
     per, high, mask = 1.0 / clock[of.WIDTH], int(clock[of.ROWS]), counts[of.MASK]
     column = np.int64(math.floor(cells.ranges[i, of.BALL_X] * per))
@@ -189,7 +189,7 @@ def keep_lists(crowd, cells, clock, counts):
     """Put a ball about the way of every granule in this step, and list those anew that have left their ranges."""
     for k in range(counts[of.LIVING]):
         i = crowd.living[k]
-        _wrap(crowd.own[i], crowd.grains[i], cells.balls[i])
+        _wrap(crowd.extra[i], crowd.grains[i], cells.balls[i])
     if counts[of.STEPS] >= counts[of.ANEW] or clock[of.MOST] > (0.5 + of.SPARE_BALL) * clock[of.WIDTH]:
         _begin_anew(crowd, cells, clock, counts)
     while True:

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...laws.impaction import sphere_caught
 from ..kernel import layout as at
+from ..kernel.air import drag_rate
 from ..kernel.dispersion import random_normals
-from ..kernel.forces import drag_rate
 from ..kernel.jit import called, compiled
 from ..kernel.strike import spin_flung
 from . import slab_layout as of
@@ -35,36 +35,36 @@ def _first_root(dd, du, uu, reach2):
 
 
 @compiled
-def _relative(one, other, begin, depth):
+def _relative(this, other, begin, depth):
     """Relative place, velocity and acceleration of two pieces of way at a time of the step."""
-    s, t = begin - one[of.LEG_BEGIN], begin - other[of.LEG_BEGIN]
-    ax, ay = one[of.LEG_AX] - other[of.LEG_AX], one[of.LEG_AY] - other[of.LEG_AY]
-    az = one[of.LEG_AZ] - other[of.LEG_AZ]
-    ux = one[of.LEG_VX] - other[of.LEG_VX] + s * one[of.LEG_AX] - t * other[of.LEG_AX]
-    uy = one[of.LEG_VY] - other[of.LEG_VY] + s * one[of.LEG_AY] - t * other[of.LEG_AY]
-    uz = one[of.LEG_VZ] - other[of.LEG_VZ] + s * one[of.LEG_AZ] - t * other[of.LEG_AZ]
-    dx = one[of.LEG_X] - other[of.LEG_X] + s * (one[of.LEG_VX] + 0.5 * s * one[of.LEG_AX])
+    s, t = begin - this[of.LEG_BEGIN], begin - other[of.LEG_BEGIN]
+    ax, ay = this[of.LEG_AX] - other[of.LEG_AX], this[of.LEG_AY] - other[of.LEG_AY]
+    az = this[of.LEG_AZ] - other[of.LEG_AZ]
+    ux = this[of.LEG_VX] - other[of.LEG_VX] + s * this[of.LEG_AX] - t * other[of.LEG_AX]
+    uy = this[of.LEG_VY] - other[of.LEG_VY] + s * this[of.LEG_AY] - t * other[of.LEG_AY]
+    uz = this[of.LEG_VZ] - other[of.LEG_VZ] + s * this[of.LEG_AZ] - t * other[of.LEG_AZ]
+    dx = this[of.LEG_X] - other[of.LEG_X] + s * (this[of.LEG_VX] + 0.5 * s * this[of.LEG_AX])
     dx -= t * (other[of.LEG_VX] + 0.5 * t * other[of.LEG_AX])
-    dy = one[of.LEG_Y] - other[of.LEG_Y] + s * (one[of.LEG_VY] + 0.5 * s * one[of.LEG_AY])
+    dy = this[of.LEG_Y] - other[of.LEG_Y] + s * (this[of.LEG_VY] + 0.5 * s * this[of.LEG_AY])
     dy -= t * (other[of.LEG_VY] + 0.5 * t * other[of.LEG_AY])
-    dz = one[of.LEG_Z] - other[of.LEG_Z] + s * (one[of.LEG_VZ] + 0.5 * s * one[of.LEG_AZ])
+    dz = this[of.LEG_Z] - other[of.LEG_Z] + s * (this[of.LEG_VZ] + 0.5 * s * this[of.LEG_AZ])
     dz = across(dz - t * (other[of.LEG_VZ] + 0.5 * t * other[of.LEG_AZ]), depth)
     return dx, dy, dz, ux, uy, uz, ax, ay, az
 
 
 @compiled
-def contact_time(one, other, r, depth, weight):
+def contact_time(this, other, r, depth, weight):
     """What two granules do on their pieces of way in this step: (MEETS, time), (OVERLAPS, time) where they overlap
-    already and approach, (TOUCHES, 0) for contact that lasts, (NEVER, 0). ``one`` and ``other`` are rows of
-    ``Crowd.own``, ``r`` the sum of radii, ``weight`` (m/s2) what presses granules on each other that lie.
+    already and approach, (TOUCHES, 0) for contact that lasts, (NEVER, 0). ``this`` and ``other`` are rows of
+    ``Colliding.extra``, ``r`` the sum of radii, ``weight`` (m/s2) what presses granules on each other that lie.
 
     Straight relative motion, as in a vacuum, is solved exactly; where the ways bend it is solved again from the time
     found, which converges like pull x step / speed.
     """
-    begin, end = max(one[of.LEG_BEGIN], other[of.LEG_BEGIN]), min(one[of.LEG_END], other[of.LEG_END])
+    begin, end = max(this[of.LEG_BEGIN], other[of.LEG_BEGIN]), min(this[of.LEG_END], other[of.LEG_END])
     if end < begin:
         return NEVER, 0.0
-    dx, dy, dz, ux, uy, uz, ax, ay, az = _relative(one, other, begin, depth)
+    dx, dy, dz, ux, uy, uz, ax, ay, az = _relative(this, other, begin, depth)
     span, pull = end - begin, math.sqrt(ax * ax + ay * ay + az * az)
     dd, du, uu = dx * dx + dy * dy + dz * dz, dx * ux + dy * uy + dz * uz, ux * ux + uy * uy + uz * uz
     way, r2 = r + span * (math.sqrt(uu) + 0.5 * span * pull), r * r
@@ -90,31 +90,31 @@ def contact_time(one, other, r, depth, weight):
 
 
 @compiled
-def roll_back(state, ints, own, clock, when):
+def roll_back(state, ints, extra, clock, when):
     """Put a granule where it was at a time of the step on its last piece of way."""
-    s = when - own[of.LEG_BEGIN]
-    state[at.X] = own[of.LEG_X] + s * (own[of.LEG_VX] + 0.5 * s * own[of.LEG_AX])
-    state[at.Y] = own[of.LEG_Y] + s * (own[of.LEG_VY] + 0.5 * s * own[of.LEG_AY])
-    own[of.Z] = own[of.LEG_Z] + s * (own[of.LEG_VZ] + 0.5 * s * own[of.LEG_AZ])
-    state[at.VX] = own[of.LEG_VX] + s * own[of.LEG_AX]
-    state[at.VY] = own[of.LEG_VY] + s * own[of.LEG_AY]
-    own[of.VZ] = own[of.LEG_VZ] + s * own[of.LEG_AZ]
-    own[of.WX], own[of.WY], state[at.SPIN] = own[of.LEG_WX], own[of.LEG_WY], own[of.LEG_WZ]
-    span = own[of.LEG_END] - own[of.LEG_BEGIN]
+    s = when - extra[of.LEG_BEGIN]
+    state[at.X] = extra[of.LEG_X] + s * (extra[of.LEG_VX] + 0.5 * s * extra[of.LEG_AX])
+    state[at.Y] = extra[of.LEG_Y] + s * (extra[of.LEG_VY] + 0.5 * s * extra[of.LEG_AY])
+    extra[of.Z] = extra[of.LEG_Z] + s * (extra[of.LEG_VZ] + 0.5 * s * extra[of.LEG_AZ])
+    state[at.VX] = extra[of.LEG_VX] + s * extra[of.LEG_AX]
+    state[at.VY] = extra[of.LEG_VY] + s * extra[of.LEG_AY]
+    extra[of.VZ] = extra[of.LEG_VZ] + s * extra[of.LEG_AZ]
+    extra[of.WX], extra[of.WY], state[at.SPIN] = extra[of.LEG_WX], extra[of.LEG_WY], extra[of.LEG_WZ]
+    span = extra[of.LEG_END] - extra[of.LEG_BEGIN]
     kept = s / span if span > 0.0 else 0.0
-    state[at.GAIN_X] = own[of.LEG_GAIN_X] + kept * (state[at.GAIN_X] - own[of.LEG_GAIN_X])
-    state[at.GAIN_Y] = own[of.LEG_GAIN_Y] + kept * (state[at.GAIN_Y] - own[of.LEG_GAIN_Y])
+    state[at.GAIN_X] = extra[of.LEG_GAIN_X] + kept * (state[at.GAIN_X] - extra[of.LEG_GAIN_X])
+    state[at.GAIN_Y] = extra[of.LEG_GAIN_Y] + kept * (state[at.GAIN_Y] - extra[of.LEG_GAIN_Y])
     state[at.T] = clock[of.NOW] + when
     ints[at.FATE], ints[at.LINE] = at.FLYING, -1
-    own[of.ROOM] = 0.0
+    extra[of.ROOM] = 0.0
 
 
 @compiled
-def reach_of(one, other):
+def reach_of(this, other):
     """The distance (m) between centres at which two granules of random orientation meet: the radius of their mean
     section (``laws.flake``), of two balls the sum of their radii.
     """
-    return math.sqrt(one[at.SECTION] + other[at.SECTION] + 2.0 * one[at.GIRTH] * other[at.GIRTH])
+    return math.sqrt(this[at.SECTION] + other[at.SECTION] + 2.0 * this[at.GIRTH] * other[at.GIRTH])
 
 
 @called
@@ -123,7 +123,7 @@ def room_between(crowd, depth, i, j):
     j to i.
     """
     dx, dy = crowd.states[i, at.X] - crowd.states[j, at.X], crowd.states[i, at.Y] - crowd.states[j, at.Y]
-    dz = across(crowd.own[i, of.Z] - crowd.own[j, of.Z], depth)
+    dz = across(crowd.extra[i, of.Z] - crowd.extra[j, of.Z], depth)
     d = math.sqrt(dx * dx + dy * dy + dz * dz)
     room = d - reach_of(crowd.grains[i], crowd.grains[j])
     if d > 0.0:
@@ -132,23 +132,23 @@ def room_between(crowd, depth, i, j):
 
 
 @compiled
-def _receive(state, ints, own, grain, rules, mass, j, torque, normal, centre, draws):
+def _receive(state, ints, extra, grain, rules, mass, j, torque, normal, centre, draws):
     """What the impulse j (N s), with n x j = ``torque`` and the part ``normal``, does to a granule of inverse ``mass``:
     velocity and spin. A flake's spin is drawn by what it has lost seen from the ``centre`` of mass; where the contact
     lasts (``draws`` 0) it keeps it.
     """
-    sx, sy, sz = state[at.VX] - centre[0], state[at.VY] - centre[1], own[of.VZ] - centre[2]
+    sx, sy, sz = state[at.VX] - centre[0], state[at.VY] - centre[1], extra[of.VZ] - centre[2]
     freed = sx * sx + sy * sy + sz * sz
     sx, sy, sz = sx + mass * j[0], sy + mass * j[1], sz + mass * j[2]
     freed -= sx * sx + sy * sy + sz * sz
     state[at.VX] += mass * j[0]
     state[at.VY] += mass * j[1]
-    own[of.VZ] += mass * j[2]
-    own[of.DRAG] = 0.0
+    extra[of.VZ] += mass * j[2]
+    extra[of.DRAG] = 0.0
     if grain[at.TOSS] == 0.0:
         turn = abs(mass) * grain[at.BLOW] / grain[at.RADIUS]
-        own[of.WX] -= turn * torque[0]
-        own[of.WY] -= turn * torque[1]
+        extra[of.WX] -= turn * torque[0]
+        extra[of.WY] -= turn * torque[1]
         state[at.SPIN] -= turn * torque[2]
     elif draws != 0.0:
         xi, _ = random_normals(ints, rules)
@@ -161,17 +161,17 @@ def collide(crowd, laws, rules, depth, i, j, rebounds):
     """The collision of i and j where they are now; ``rebounds`` 0: contact that lasts, without. Returns whether they
     approached. A tracer takes the other for a wall.
     """
-    one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
+    this, other, state, its = crowd.extra[i], crowd.extra[j], crowd.states[i], crowd.states[j]
     first, second = crowd.grains[i], crowd.grains[j]
     _, nx, ny, nz = room_between(crowd, depth, i, j)
     q1, q2 = first[at.BLOW], second[at.BLOW]
     arm1, arm2 = (first[at.RADIUS] if q1 > 0.0 else 0.0), (second[at.RADIUS] if q2 > 0.0 else 0.0)
-    light = one[of.LIGHT]
+    light = this[of.LIGHT]
     heavy = 0.0 if crowd.tally[i, of.TRACER] == 1 else other[of.LIGHT]
     a, b = crowd.tally[i, of.FRACTION], crowd.tally[j, of.FRACTION]
-    ux, uy, uz = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], one[of.VZ] - other[of.VZ]
+    ux, uy, uz = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], this[of.VZ] - other[of.VZ]
     jx, jy, jz, jn = pair_law(
-        ux, uy, uz, arm1 * one[of.WX] + arm2 * other[of.WX], arm1 * one[of.WY] + arm2 * other[of.WY],
+        ux, uy, uz, arm1 * this[of.WX] + arm2 * other[of.WX], arm1 * this[of.WY] + arm2 * other[of.WY],
         arm1 * state[at.SPIN] + arm2 * its[at.SPIN], nx, ny, nz, light, heavy, q1, q2,
         rebounds * laws.restitution[a, b], laws.friction[a, b], laws.tangential[a, b],
     )  # fmt: skip
@@ -180,7 +180,7 @@ def collide(crowd, laws, rules, depth, i, j, rebounds):
     torque = ny * jz - nz * jy, nz * jx - nx * jz, nx * jy - ny * jx
     share = heavy / (light + heavy)
     centre = its[at.VX] + share * ux, its[at.VY] + share * uy, other[of.VZ] + share * uz
-    _receive(state, crowd.counts[i], one, first, rules, light, (jx, jy, jz), torque, jn, centre, rebounds)
+    _receive(state, crowd.counts[i], this, first, rules, light, (jx, jy, jz), torque, jn, centre, rebounds)
     _receive(its, crowd.counts[j], other, second, rules, -heavy, (jx, jy, jz), torque, jn, centre, rebounds)
     return True
 
@@ -188,19 +188,19 @@ def collide(crowd, laws, rules, depth, i, j, rebounds):
 @called
 def part(crowd, depth, i, j):
     """Push two granules that overlap apart, each by the other's share of their mass."""
-    one, other, state, its = crowd.own[i], crowd.own[j], crowd.states[i], crowd.states[j]
+    this, other, state, its = crowd.extra[i], crowd.extra[j], crowd.states[i], crowd.states[j]
     room, nx, ny, nz = room_between(crowd, depth, i, j)
     deep = -room
     if deep <= 0.0:
         return
-    share = one[of.LIGHT] / (one[of.LIGHT] + other[of.LIGHT])
+    share = this[of.LIGHT] / (this[of.LIGHT] + other[of.LIGHT])
     state[at.X] += share * deep * nx
     state[at.Y] += share * deep * ny
-    one[of.Z] += share * deep * nz
+    this[of.Z] += share * deep * nz
     its[at.X] -= (1.0 - share) * deep * nx
     its[at.Y] -= (1.0 - share) * deep * ny
     other[of.Z] -= (1.0 - share) * deep * nz
-    one[of.ROOM] -= deep
+    this[of.ROOM] -= deep
     other[of.ROOM] -= deep
 
 
@@ -209,7 +209,7 @@ def hit_tracer(crowd, tables, i, j, rules):
     """Whether a tracer i on the way to a granule j meets it: it does with the probability of impaction."""
     state, its, grain = crowd.states[i], crowd.states[j], crowd.grains[i]
     ux, uy = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY]
-    uz = crowd.own[i, of.VZ] - crowd.own[j, of.VZ]
+    uz = crowd.extra[i, of.VZ] - crowd.extra[j, of.VZ]
     uu = ux * ux + uy * uy + uz * uz
     rate = drag_rate(grain, tables[crowd.table_of[i]], uu)
     if rate <= 0.0:

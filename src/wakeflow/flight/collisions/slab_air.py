@@ -2,7 +2,7 @@
 
 All granules share their clock, so that a field that changes in time is brought to the middle of a step once for all of
 them, node by node where a granule reads it; a granule then reads three nodes. The formulas are the tracker's
-(``kernel.forces``), and granules fly in the lab: a mesh that swings is looked up where it stands.
+(``kernel.air``), and granules fly in the lab: a mesh that swings is looked up where it stands.
 """
 
 from __future__ import annotations
@@ -10,34 +10,23 @@ from __future__ import annotations
 import math
 
 from ..kernel import layout as at
-from ..kernel.air import bracket, shares
+from ..kernel.air import bracket, drag_rate, forces_in_gradient, shares, spin_in_curl
 from ..kernel.dispersion import renew_in
 from ..kernel.events import harmonic
-from ..kernel.forces import drag_rate, forces_in_gradient, spin_in_curl
 from ..kernel.history import CHATTERS, RATES
 from ..kernel.jit import called, compiled
 from ..kernel.locate import INSIDE, reproject, walk
-from ..kernel.walls import inside
 from . import slab_layout as of
 
 GONE = -1  # what ``aim`` returns for a granule that has left the mesh
-
-
-@compiled
-def _mesh_at(swing, t):
-    """Displacement and velocity of a mesh that swings; zeros at rest."""
-    if swing[at.SWING_OMEGA] == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    out, rate, _ = harmonic(swing[at.SWING_OMEGA], swing[at.SWING_PHASE], t)
-    x, y = swing[at.SWING_X], swing[at.SWING_Y]
-    return x * out, y * out, x * rate, y * rate
 
 
 @called
 def refresh(air, nodes, clock, room, timed):
     """Bring the mesh, and the weights of what is about it in time, to the middle of the step."""
     middle = 0.5 * (clock[of.NOW] + clock[of.UNTIL])
-    clock[of.OUT_X], clock[of.OUT_Y], _, _ = _mesh_at(air.swing, middle)
+    out, _, _ = harmonic(air.swing[at.SWING_OMEGA], air.swing[at.SWING_PHASE], middle)
+    clock[of.OUT_X], clock[of.OUT_Y] = air.swing[at.SWING_X] * out, air.swing[at.SWING_Y] * out
     if not timed:
         return
     state, ints, weights = room.air_state, room.air_ints, nodes.weights
@@ -97,12 +86,9 @@ def _beside(state, ints, air, walls, out_x, out_y, code):
     corner of the body.
     """
     ints[at.GAP] = -2 - code
-    buried = False
-    for body in range(walls.bodies.shape[0]):
-        buried = buried or inside(walls, body, state[at.X] - out_x, state[at.Y] - out_y)[0]
     state[at.X] -= out_x
     state[at.Y] -= out_y
-    reproject(state, ints, air, buried)
+    reproject(state, ints, air, walls)
     state[at.X] += out_x
     state[at.Y] += out_y
 
@@ -201,7 +187,7 @@ def stir(state, ints, grain, table, air, nodes, rules, clock):
 # The memories stay where the piece begins, beside the slip that they are to follow, until the next one begins: a
 # meeting may cut the piece anywhere.
 @compiled
-def _advance(state, ints, own, grain, ux, uy, sx, sy):
+def _advance(state, ints, extra, grain, ux, uy, sx, sy):
     """Bring the memories to the granule's time, which the slip of the piece before has lasted until.
 
     At first all memories know the slip that it came with; one that has struck more than CHATTERS times has no past.
@@ -211,22 +197,22 @@ def _advance(state, ints, own, grain, ux, uy, sx, sy):
         lag_x, lag_y = (sx, sy) if chatters else (ux - state[at.LAG], uy - state[at.LAG + 1])
         for i in range(at.MEMORIES):
             state[at.LAG + 2 * i], state[at.LAG + 2 * i + 1] = lag_x, lag_y
-            own[of.LAG_Z + i] = -own[of.VZ]
+            extra[of.LAG_Z + i] = -extra[of.VZ]
         return
-    lasted = max(0.0, state[at.T] - own[of.SINCE])
+    lasted = max(0.0, state[at.T] - extra[of.SINCE])
     for i in range(at.MEMORIES):
         follows = -math.expm1(-RATES[i] * grain[at.FORGET] * lasted)
-        state[at.LAG + 2 * i] += follows * (own[of.SLIP_X] - state[at.LAG + 2 * i])
-        state[at.LAG + 2 * i + 1] += follows * (own[of.SLIP_Y] - state[at.LAG + 2 * i + 1])
-        own[of.LAG_Z + i] += follows * (own[of.SLIP_Z] - own[of.LAG_Z + i])
+        state[at.LAG + 2 * i] += follows * (extra[of.SLIP_X] - state[at.LAG + 2 * i])
+        state[at.LAG + 2 * i + 1] += follows * (extra[of.SLIP_Y] - state[at.LAG + 2 * i + 1])
+        extra[of.LAG_Z + i] += follows * (extra[of.SLIP_Z] - extra[of.LAG_Z + i])
 
 
 @called
-def recalled(state, ints, own, grain, ux, uy, sx, sy, h):
+def recalled(state, ints, extra, grain, ux, uy, sx, sy, h):
     """R (1/s) and the three components of L (m/s2) over a piece h that begins with the slip (sx, sy) in air (ux, uy);
     none in contact with a wall, where no theory holds.
     """
-    _advance(state, ints, own, grain, ux, uy, sx, sy)
+    _advance(state, ints, extra, grain, ux, uy, sx, sy)
     rate = lx = ly = lz = 0.0
     if ints[at.CONTACT] != at.FREE:
         return rate, lx, ly, lz
@@ -236,26 +222,26 @@ def recalled(state, ints, own, grain, ux, uy, sx, sy, h):
         rate += weight
         lx += weight * state[at.LAG + 2 * i]
         ly += weight * state[at.LAG + 2 * i + 1]
-        lz += weight * own[of.LAG_Z + i]
+        lz += weight * extra[of.LAG_Z + i]
     return rate, lx, ly, lz
 
 
 @called
-def remember(state, own, sx, sy, sz):
+def remember(state, extra, sx, sy, sz):
     """Note the slip that lasts from now on."""
-    own[of.SINCE], own[of.SLIP_X], own[of.SLIP_Y], own[of.SLIP_Z] = state[at.T], sx, sy, sz
+    extra[of.SINCE], extra[of.SLIP_X], extra[of.SLIP_Y], extra[of.SLIP_Z] = state[at.T], sx, sy, sz
 
 
 # -- The force of a step -----------------------------------------------------------------------------------------------
 @compiled
-def aim(state, ints, own, grain, table, air, nodes, walls, clock, path, h):
+def aim(state, ints, extra, grain, table, air, nodes, walls, clock, path, h):
     """Fill in the path of a step h with the force at its middle; returns ``GONE`` for a granule outside the mesh.
 
     The exponential midpoint rule: the air half way, the drag rate at the slip half way, both kept over the step, which
     integrates exactly (``kernel.dense_output``). Second order; exact where neither changes. The slip half way needs a
     drag rate to first order only: that of the piece before.
     """
-    x, y, vx, vy, vz = state[at.X], state[at.Y], state[at.VX], state[at.VY], own[of.VZ]
+    x, y, vx, vy, vz = state[at.X], state[at.Y], state[at.VX], state[at.VY], extra[of.VZ]
     path[at.START_X], path[at.START_Y], path[at.START_VX], path[at.START_VY] = x, y, vx, vy
     ax, ay = grain[at.GX], grain[at.GY]
     ints[at.EVALUATIONS] += 1
@@ -277,20 +263,20 @@ def aim(state, ints, own, grain, table, air, nodes, walls, clock, path, h):
         ux += rms * state[at.MEAN_X] + state[at.KICK_X]
         uy += rms * state[at.MEAN_Y] + state[at.KICK_Y]
     sx, sy = ux - vx, uy - vy
-    before = own[of.DRAG] if own[of.DRAG] > 0.0 else drag_rate(grain, table, sx * sx + sy * sy + vz * vz)
+    before = extra[of.DRAG] if extra[of.DRAG] > 0.0 else drag_rate(grain, table, sx * sx + sy * sy + vz * vz)
     past = pull_z = 0.0
     if grain[at.FORGET] != 0.0:
-        past, lx, ly, lz = recalled(state, ints, own, grain, ux, uy, sx, sy, h)
+        past, lx, ly, lz = recalled(state, ints, extra, grain, ux, uy, sx, sy, h)
         ax, ay, pull_z = ax - lx, ay - ly, -lz
     shrink = 1.0 / (1.0 + half * (before + past))
     sx, sy, sz = (sx - half * ax) * shrink, (sy - half * ay) * shrink, -(vz + half * pull_z) * shrink
     rate = drag_rate(grain, table, sx * sx + sy * sy + sz * sz)
     if grain[at.FORGET] != 0.0:
-        remember(state, own, sx, sy, sz)
+        remember(state, extra, sx, sy, sz)
     if grain[at.EXTRA] != 0.0:
         ex, ey = _extra(state, grain, air, nodes, tri, q0, q1, q2, ux, uy, sx, sy, h)
         ax, ay = ax + ex, ay + ey
-    own[of.DRAG], own[of.PULL_Z] = rate, pull_z
+    extra[of.DRAG], extra[of.PULL_Z] = rate, pull_z
     rate += past
     path[at.RATE], path[at.N0X], path[at.N0Y] = rate, ax + rate * ux, ay + rate * uy
     return 0

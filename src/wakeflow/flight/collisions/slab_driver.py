@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ...laws.forces import forces as all_forces
-from ...laws.forces.lift_forces import SPIN_LIFT
+from ...laws.forces.records import SPIN_LIFT
 from ..bodies import Collisions
 from ..granules import Granules
 from ..kernel import layout as at
@@ -43,30 +43,26 @@ class Slab(Packed):
     collisions: Collisions
 
 
-def places_across(grains: Granules, collisions: Collisions, seed: int) -> Array:
-    """Places across the slab (n,) m: the granules' own, or drawn evenly."""
-    if grains.depth is not None:
-        return np.asarray(grains.depth - collisions.depth * np.floor(grains.depth / collisions.depth))
-    return np.random.default_rng([seed, 13]).random(len(grains)) * collisions.depth
-
-
 def _slots(count: int, points: int) -> Colliding:
     """So many empty slots, with room for as many points of a path in each."""
     return Colliding(
         np.zeros((count, at.FLOATS)), np.zeros((count, at.INTS), dtype=np.int64), np.zeros((count, at.CONSTANTS)),
-        np.zeros(count, dtype=np.int64), np.zeros((count, of.OWN)), np.zeros((count, of.TALLY), dtype=np.int64),
+        np.zeros(count, dtype=np.int64), np.zeros((count, of.EXTRAS)), np.zeros((count, of.TALLY), dtype=np.int64),
         np.zeros((count, points, at.RECORD)), np.zeros(count, dtype=np.int64), np.zeros(0, dtype=np.int64),
     )  # fmt: skip
 
 
 class _Run:
     """One run of the slab: ``crowd`` holds the granules that fly or are about to, in slots, which become more as they
-    do; ``who`` (S,): the index of the granule in a slot, -1: free.
+    do; ``who`` (S,): the index of the granule in a slot, -1: free; ``across`` (n,) m: places across the slab, the
+    granules' own or drawn evenly.
     """
 
     def __init__(self, slab: Slab, step: float, seed: int) -> None:
         self.slab, self.step = slab, step
-        self.across = places_across(slab.grains, slab.collisions, seed)
+        depth, drawn = slab.collisions.depth, np.random.default_rng([seed, 13]).random(len(slab.grains))
+        places = depth * drawn if slab.grains.depth is None else slab.grains.depth
+        self.across = places - depth * np.floor(places / depth)
         self.order = np.argsort(slab.grains.time, kind="stable")
         self.fed = 0  # granules packed so far
         self.crowd, self.who = _slots(0, slab.points), np.zeros(0, dtype=np.int64)
@@ -82,8 +78,8 @@ class _Run:
         self.counts = np.zeros(of.COUNTS, dtype=np.int64)
         self.room = Room(
             np.zeros(at.PATH), np.zeros(at.AFFINE), np.zeros(at.CONSTRAINT), np.zeros(at.FLOATS),
-            np.zeros(at.INTS, dtype=np.int64), np.zeros(at.FLOATS), np.zeros(at.INTS, dtype=np.int64), np.zeros(of.OWN),
-            np.zeros(2, dtype=np.int64),
+            np.zeros(at.INTS, dtype=np.int64), np.zeros(at.FLOATS), np.zeros(at.INTS, dtype=np.int64),
+            np.zeros(of.EXTRAS), np.zeros(2, dtype=np.int64),
         )  # fmt: skip
         self.cells = _cells(0)
         self.standing: list[tuple[float, int, int]] = []  # time, lying still, born
@@ -111,9 +107,9 @@ class _Run:
         crowd.states[slots], crowd.counts[slots] = floats, ints
         crowd.grains[slots] = self._constants(some)
         crowd.table_of[slots] = slab.table_of[rows]
-        crowd.own[slots], crowd.tally[slots], crowd.records[slots] = 0.0, 0, 0.0
-        crowd.own[slots, of.Z] = self.across[rows]
-        crowd.own[slots, of.LIGHT] = 1.0 / (PI_6 * some.density * some.diameter**3)
+        crowd.extra[slots], crowd.tally[slots], crowd.records[slots] = 0.0, 0, 0.0
+        crowd.extra[slots, of.Z] = self.across[rows]
+        crowd.extra[slots, of.LIGHT] = 1.0 / (PI_6 * some.density * some.diameter**3)
         crowd.tally[slots, of.FRACTION], crowd.tally[slots, of.TRACER] = some.fraction, self.tracer[rows]
         crowd.tally[slots, of.PARTNER] = -1
         self.who[slots] = rows
@@ -128,7 +124,7 @@ class _Run:
         return min(slab.rules.until, float(slab.grains.time[self.order[self.fed]])) if more else slab.rules.until
 
     def _constants(self, some: Granules) -> Array:
-        """Those of the tracker (n, CONSTANTS), of the forces of each granule's fraction."""
+        """The tracker's constants (n, CONSTANTS), of the forces of each granule's fraction."""
         slab, acting_on = self.slab, self.slab.collisions.forces
         if not acting_on:
             return pack_granules(some, slab.field, slab.forces, slab.gravity)

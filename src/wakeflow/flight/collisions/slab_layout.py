@@ -32,7 +32,7 @@ Index = NDArray[np.int64]
     SLIP_X, SLIP_Y, SLIP_Z,  # m/s, its slip, which the memories of the history force have not seen yet
     LAG_Z,  # m/s: what each memory makes of the slip across the slab; those of the plane are in the tracker's state
 ) = range(31)  # fmt: skip
-OWN = LAG_Z + MEMORIES
+EXTRAS = LAG_Z + MEMORIES
 
 LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
 
@@ -95,7 +95,7 @@ class Colliding(NamedTuple):
     counts: Index  # (S, INTS)
     grains: Array  # (S, CONSTANTS)
     table_of: Index  # (S,)
-    own: Array  # (S, OWN)
+    extra: Array  # (S, EXTRAS)
     tally: Index  # (S, TALLY)
     records: Array  # (S, points, RECORD)
     living: Index  # (S,) slots, in the order of birth
@@ -150,7 +150,7 @@ class Room(NamedTuple):
     hold: Array
     air_state: Array  # (FLOATS,) and (INTS,): the clock of the air alone
     air_ints: Index
-    kept_state: Array  # (FLOATS,), (INTS,) and (OWN,): a granule while a tracer looks where it was
+    kept_state: Array  # (FLOATS,), (INTS,) and (EXTRAS,): a granule while a tracer looks where it was
     kept_ints: Index
-    kept_own: Array
+    kept_extra: Array
     struck: Index  # (2,) slots of those that have met, and fly the rest of the step

@@ -43,6 +43,7 @@ MIXING = 1024  # shedding periods over which release times spread: their fractio
 MIN_WAY = 0.01  # body widths over which an acceleration is taken from speeds
 HALVINGS = 60  # of a bracket in time: to round-off
 AS_GIVEN = GranuleVariation()
+NO_TRAITS = np.zeros((0, 2))  # of granules that have nothing of their own
 CLEARANCE = 1e-3  # of its radius: how far above a contact a resolved granule may start at the least
 
 
@@ -246,7 +247,7 @@ def _lying(scene: Scene, x: Array, radius: Array) -> Array:
 
 def granules_of(
     scene: Scene, name: str, plan: FractionPlan, diameter: Array, settling: Array | None = None,
-    traits: Array | None = None,
+    traits: Array = NO_TRAITS,
 ) -> Granules:  # fmt: skip
     """Granules of ``diameter`` (n,) m with a fraction's properties and drag, at rest at the origin; ``settling`` (n,)
     m/s: each granule's own terminal velocity where it was measured, in standard air; ``traits`` (n, 2) in the unit
@@ -260,7 +261,7 @@ def granules_of(
         scale = scale * slip_correction(diameter)
     scale = scale / slip_correction(diameter, MEAN_FREE_PATH if scene.air is None else scene.air.mean_free_path)
     restitution = friction = None
-    if traits is not None:
+    if len(traits):
         restitution = fraction.coefficients("restitution", traits[:, 0])
         friction = fraction.coefficients("friction", traits[:, 1])
     return Granules(
@@ -340,14 +341,14 @@ def entered(curtain: Curtain) -> Entered:
 
 
 def released_above(curtain: Curtain) -> Granules:
-    """Above the body."""
+    """The granules of a curtain above the body, at the level where their fall begins."""
     fall = fall_start(curtain.scene, 0.5 * curtain.grains.diameter)
     position, velocity = released(curtain.scene, curtain.plan, curtain.grains, curtain.x, *fall)
     return curtain.grains.replace(position=position, velocity=velocity, arrival=velocity)
 
 
 def struck(curtain: Curtain) -> Entered:
-    """From their first impact, those that meet the body; the others from above it."""
+    """The granules that meet the body, from their first impact; the others from above it."""
     scene, plan, x, grains = curtain.scene, curtain.plan, curtain.x, released_above(curtain)
     level, speed = fall_start(scene, 0.5 * grains.diameter)
     height, normal = contact_points(scene.outline, x, grains.diameter / 2)
@@ -410,7 +411,7 @@ def entering(scene: Scene, grains: Granules, x: Array, chance: Array) -> Granule
 
 
 def highest(scene: Scene, grains: Granules, x: Array) -> Array:
-    """Up to which height (n,) m granules of the feed at ``x`` (n,) m are in the channel; as if it stood upright."""
+    """The height (n,) m up to which granules of the feed at ``x`` (n,) m are in the channel; as if it stood upright."""
     return scene.plumb.highest(x, 0.5 * grains.diameter, 1e-6 * scene.width)
 
 

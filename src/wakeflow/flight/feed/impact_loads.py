@@ -185,19 +185,19 @@ def _slope_below(outline: Array, x: Array) -> NDArray[np.int64]:
 def _on_slope(scene: Scene, name: str, stream: _Stream, number: int) -> tuple[Load, float]:
     """What the ``stream`` of a fraction does to a slope, and its mean fall speed (m/s) there."""
     fraction = scene.fraction[name]
-    granule, inertia = fraction.properties, fraction.inertia
+    granule = fraction.properties
     here = np.flatnonzero((stream.fall > 0.0) & (stream.slope == number))
     flow = scene.feed.mass_flow * scene.mass_shares()[name] * len(here) / len(stream.fall)
     fall = stream.fall[here]
     on_slope = load_on_wall(
         flow, fall, stream.normal[here], stream.wall[here], granule.restitution, granule.friction,
-        0.0 if inertia is None else 1.0 / inertia,
+        1.0 / fraction.inertia,
     )  # fmt: skip
     return on_slope, float(fall.mean()) if len(here) else 0.0
 
 
 def _sum(parts: list[Load]) -> JsonTable:
-    """Of ImpactForces, by name: forces and power add up, the centre of mass has the mass-weighted velocity."""
+    """ImpactForces by name: forces and power add up, the centre of mass has the mass-weighted velocity."""
     flow = sum((load.mass_flow for load in parts), 0.0)
     force = sum((load.force for load in parts), np.zeros(2))
     moving = sum((load.mass_flow * load.velocity for load in parts), np.zeros(2))

@@ -204,7 +204,7 @@ def _apart(rng: np.random.Generator, grains: Granules, tracers: int, depth: floa
 
 
 def _alike(rng: np.random.Generator, fraction: NDArray[np.int64], some: NDArray[np.int64]) -> NDArray[np.int64]:
-    """For each of ``some`` granules any one of the same ``fraction``."""
+    """Any granule of the same ``fraction`` for each of ``some``."""
     return np.array([rng.choice(np.flatnonzero(fraction == fraction[granule])) for granule in some], dtype=np.int64)
 
 

@@ -1,9 +1,17 @@
-"""What the air does at a granule: snapshots or knots in time, the affine field of one triangle, and its rates."""
+"""The air at a granule, and the compiled terms of the forces.
+
+The air: snapshots or knots in time, the affine field of one triangle, and its rates. The forces: drag by table, added
+mass, shear lift, spin lift, and how the air turns a granule; formulas and sources are in ``laws``, and what is constant
+of a term for one granule (``at.STOKES`` to ``at.SPIN_RATE``) is packed before the flight. Gravity, buoyancy and
+pressure gradient are in the loaded air (``load_triangle``).
+"""
 
 from __future__ import annotations
 
 import math
 
+from ...laws import lift
+from ...laws.drag import TABLE_CELLS, TABLE_DECADES
 from . import layout as at
 from .jit import called, compiled
 from .locate import on_edge
@@ -86,15 +94,8 @@ def mesh_velocity(swing, first, t):
 
 
 @compiled
-def _plane(affine, first, f0, f1, f2, geometry, tri):
-    affine[first] = f0
-    affine[first + at.DX] = f0 * geometry[tri, at.B0X] + f1 * geometry[tri, at.B1X] + f2 * geometry[tri, at.B2X]
-    affine[first + at.DY] = f0 * geometry[tri, at.B0Y] + f1 * geometry[tri, at.B1Y] + f2 * geometry[tri, at.B2Y]
-
-
-@compiled
 def _flatten(state, affine, air, gap):
-    """In the gap the air of the nearest boundary point is everywhere."""
+    """Take the air of the nearest boundary point for that of everywhere in the gap."""
     x, y, _ = on_edge(air, gap, state[at.X], state[at.Y])
     for power in range(4 if affine[at.CUBIC] != 0.0 else 2):
         for m in range(4):
@@ -106,11 +107,12 @@ def _flatten(state, affine, air, gap):
 
 @compiled
 def _add(affine, to, k, f, bx, by):
-    """Add what node k of the triangle, with the value f, gives to a coefficient."""
+    """Add what node k of the triangle, with the value f, gives to a coefficient, which the first node begins."""
     if k == 0:
-        affine[to] = f
-    affine[to + at.DX] += f * bx
-    affine[to + at.DY] += f * by
+        affine[to], affine[to + at.DX], affine[to + at.DY] = f, f * bx, f * by
+    else:
+        affine[to + at.DX] += f * bx
+        affine[to + at.DY] += f * by
 
 
 @compiled
@@ -156,23 +158,20 @@ def _load_between(affine, air, grain, tri, a, b, m, base, mean):
     """Quantity m of what ``load_triangle`` loads, linear in time between snapshots a and b: ``base`` more than in them,
     and the deviation times ``mean``.
     """
-    first, to, values = at.U0 + at.PER_QUANTITY * m, at.U1 + at.PER_QUANTITY * m, air.values
-    c0, c1, c2 = air.corners[tri, 0], air.corners[tri, 1], air.corners[tri, 2]
+    first, to, v = at.U0 + at.PER_QUANTITY * m, at.U1 + at.PER_QUANTITY * m, air.values
     factor = grain[at.PRESSURE] if m >= 2 else 1.0
     stirred = m < 2 and grain[at.DISPERSION] != 0.0
-    f0, f1, f2 = factor * values[a, c0, m], factor * values[a, c1, m], factor * values[a, c2, m]
-    if a != b:
-        d0, d1, d2 = factor * values[b, c0, m] - f0, factor * values[b, c1, m] - f1, factor * values[b, c2, m] - f2
+    for k in range(3):
+        c, bx, by = air.corners[tri, k], air.geometry[tri, at.B0X + 2 * k], air.geometry[tri, at.B0Y + 2 * k]
+        f = factor * v[a, c, m]
+        if a != b:
+            d = factor * v[b, c, m] - f
+            if stirred:
+                d += mean * (v[b, c, at.NODE_RMS] - v[a, c, at.NODE_RMS])
+            _add(affine, to, k, d, bx, by)
         if stirred:
-            d0 += mean * (values[b, c0, at.NODE_RMS] - values[a, c0, at.NODE_RMS])
-            d1 += mean * (values[b, c1, at.NODE_RMS] - values[a, c1, at.NODE_RMS])
-            d2 += mean * (values[b, c2, at.NODE_RMS] - values[a, c2, at.NODE_RMS])
-        _plane(affine, to, d0, d1, d2, air.geometry, tri)
-    if stirred:
-        f0 += mean * values[a, c0, at.NODE_RMS]
-        f1 += mean * values[a, c1, at.NODE_RMS]
-        f2 += mean * values[a, c2, at.NODE_RMS]
-    _plane(affine, first, f0 + base, f1 + base, f2 + base, air.geometry, tri)
+            f += mean * v[a, c, at.NODE_RMS]
+        _add(affine, first, k, f + base, bx, by)
 
 
 @compiled
@@ -270,3 +269,99 @@ def rise_at(affine, x, y, t):
         tx += p * _value(affine, at.U2, dx, dy) + q * _value(affine, at.U3, dx, dy)
         ty += p * _value(affine, at.V2, dx, dy) + q * _value(affine, at.V3, dx, dy)
     return affine[at.PER_DT] * tx, affine[at.PER_DT] * ty
+
+
+# -- The terms of the forces -------------------------------------------------------------------------------------------
+lift_coefficient = compiled(lift.lift_coefficient)
+magnus_factor = compiled(lift.magnus_factor)
+spin_decay = compiled(lift.spin_decay)
+plate_spin = compiled(lift.plate_spin)
+
+# Where a Reynolds number is in the table of drag factors, and the inverse of the table's last
+FIRST_CELL = float(TABLE_DECADES[0] * TABLE_CELLS)
+PER_HALF_NATURAL_LOG = 0.5 / math.log(10.0) * TABLE_CELLS
+BEYOND = 10.0 ** -TABLE_DECADES[1]
+
+
+@compiled
+def drag_rate(grain, table, slip2):
+    """B = f(Re) / tau (1/s) at a squared slip velocity, from the table of the drag law."""
+    if grain[at.STOKES] == 0.0:
+        return 0.0
+    re2 = grain[at.REYNOLDS2] * slip2
+    if re2 <= 1e-16:
+        return grain[at.STOKES] * table[0, 0]
+    place = PER_HALF_NATURAL_LOG * math.log(re2) - FIRST_CELL
+    cells = table.shape[0]
+    extra = 1.0
+    if place >= cells:
+        extra = math.sqrt(re2) * BEYOND
+        place = cells - 1e-9
+    i = int(place)
+    w = place - i
+    return grain[at.STOKES] * extra * (table[i, 0] + w * (table[i, 1] + w * (table[i, 2] + w * table[i, 3])))
+
+
+@compiled
+def spin_at(affine, grain, spin, t, s):
+    """Spin at time s after t: the air of the loaded triangle turns it exactly, with its vorticity half way."""
+    _, xy, yx, _ = gradient_at(affine, t + 0.5 * s)
+    return spin_in_curl(grain, spin, yx - xy, s)
+
+
+@compiled
+def spin_in_curl(grain, spin, curl, s):
+    """Spin after a time s in air of the vorticity ``curl`` (1/s)."""
+    half = 0.5 * curl
+    if grain[at.SPIN_TORQUE] != 0.0:
+        return half - plate_spin(half - spin, s, grain[at.SPIN_TORQUE])
+    return half - spin_decay(half - spin, s, grain[at.SPIN_RATE], grain[at.VORTICITY])
+
+
+@compiled
+def gradient_forces(affine, grain, x, y, t, ux, uy, sx, sy, spin):
+    """Acceleration by the air's own (added mass), shear lift and spin lift: terms made of the air's gradients.
+
+    (ux, uy) is the air's velocity, (sx, sy) that velocity less the granule's, in m/s; spin in rad/s.
+    """
+    xx, xy, yx, yy = gradient_at(affine, t)
+    tx, ty = rise_at(affine, x, y, t) if grain[at.INERTIAL] != 0.0 else (0.0, 0.0)
+    return forces_in_gradient(grain, xx, xy, yx, yy, tx, ty, ux, uy, sx, sy, spin)
+
+
+@compiled
+def forces_in_gradient(grain, xx, xy, yx, yy, tx, ty, ux, uy, sx, sy, spin):
+    """The same from the gradient (du/dx, du/dy, dv/dx, dv/dy) of the air's velocity and its rate (tx, ty) in time."""
+    fx = fy = 0.0
+    if grain[at.INERTIAL] != 0.0:
+        fx += grain[at.INERTIAL] * (tx + xx * ux + xy * uy)
+        fy += grain[at.INERTIAL] * (ty + yx * ux + yy * uy)
+    curl = yx - xy
+    reynolds = math.sqrt(grain[at.REYNOLDS2] * (sx * sx + sy * sy))
+    if grain[at.LIFT] != 0.0:
+        lift = grain[at.LIFT] * lift_coefficient(reynolds, grain[at.VORTICITY] * abs(curl)) * curl
+        fx += lift * sy
+        fy -= lift * sx
+    if grain[at.MAGNUS] != 0.0:
+        turn = 0.5 * curl - spin
+        lift = grain[at.MAGNUS] * turn
+        if grain[at.SPIN_TORQUE] == 0.0:
+            lift *= magnus_factor(reynolds, grain[at.VORTICITY] * abs(turn))
+        fx -= lift * sy
+        fy += lift * sx
+    return fx, fy
+
+
+@compiled
+def free_force(affine, grain, table, x, y, vx, vy, t, spin):
+    """Acceleration of a granule in free flight, the drag rate, and the air's velocity."""
+    ux, uy, fx, fy = air_at(affine, x, y, t)
+    sx, sy = ux - vx, uy - vy
+    rate = drag_rate(grain, table, sx * sx + sy * sy)
+    fx += rate * sx
+    fy += rate * sy
+    if grain[at.EXTRA] != 0.0:
+        ex, ey = gradient_forces(affine, grain, x, y, t, ux, uy, sx, sy, spin)
+        fx += ex
+        fy += ey
+    return fx, fy, rate, ux, uy

@@ -10,13 +10,13 @@ import math
 from ...laws.collision import collide
 from . import events
 from . import layout as at
+from .air import free_force
 from .dense_output import along
 from .dispersion import mirror
 from .events import first_below, seen_from, turned_by, wall_motion
-from .forces import free_force
 from .jit import called, compiled
 from .rest import STATIC, caught, held, hold_still, tangent, unwedge, wedge
-from .strike import flake_spin, restitution_of, stays, tilted
+from .strike import flake_spin, friction_of, restitution_of, stays, tilted
 from .walls import carry, constrain, grasp, inside, leans
 
 # -- A granule in contact ----------------------------------------------------------------------------------------------
@@ -41,9 +41,9 @@ def settle(state, ints, hold, walls, rolls):
 
 
 @compiled
-def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed):
+def _collision(state, ints, hold, grain, walls, body, friction, last, feature, seed):
     """Velocity and spin after the impact on the wall in ``hold``; a granule that it throws back for ever at the wall
-    (last, one) stops. Returns the restitution and the normal impulse.
+    (last, feature) stops. Returns the restitution and the normal impulse.
 
     Only granules that come flying are scattered: not those that lie on another wall, or rattle between two.
     """
@@ -65,7 +65,7 @@ def _collision(state, ints, hold, grain, walls, body, friction, last, one, seed)
         mirror(state, ints, nx, ny)
     if normal > 0.0:
         ints[at.IMPACTS] += 1
-    if last != at.FREE and caught(state, hold, walls, last, one, body, vx - sx, vy - sy, e, ints[at.STUCK]):
+    if last != at.FREE and caught(state, hold, walls, last, feature, body, vx - sx, vy - sy, e, ints[at.STUCK]):
         vx, vy = sx, sy
     state[at.VX], state[at.VY], state[at.SPIN] = vx, vy, spin
     return e, normal
@@ -82,16 +82,15 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
         mx, my = tangent(walls, before, other, nx, ny, state)
     state[at.X] -= off * mx
     state[at.Y] -= off * my
-    last, one = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
+    last, feature = (ints[at.PAIR], ints[at.PAIRED]) if before == at.FREE and ints[at.STUCK] > 1 else (before, other)
     ints[at.CONTACT] = ints[at.PAIR] = at.FREE
     x, y = state[at.X], state[at.Y]
     wx, wy, _, _, _ = wall_motion(walls.bodies, body, state[at.T], x, y, 0.0, 0.0)
     if stays(state, ints, grain, walls, body, nx, ny, wx, wy, rules.seed):
         hold[at.KIND] = at.FREE
         return
-    f = walls.bodies[body, at.BODY_FRICTION]
-    f = grain[at.FRICTION] if f < 0.0 else f
-    e, normal = _collision(state, ints, hold, grain, walls, body, f, last, one, rules.seed)
+    f = friction_of(grain, walls, body)
+    e, normal = _collision(state, ints, hold, grain, walls, body, f, last, feature, rules.seed)
     vx, vy = state[at.VX], state[at.VY]
     _, _, px, py, _ = wall_motion(walls.bodies, body, state[at.T], x, y, vx, vy)
     fx, fy, _, _, _ = free_force(affine, grain, table, x, y, vx, vy, state[at.T], state[at.SPIN])
@@ -117,8 +116,8 @@ def strike(state, ints, hold, affine, grain, table, walls, rules, kind, which):
 
 @compiled
 def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
-    """For a granule in contact: lifted off, held by static friction, rolling or sliding. Returns whether it was dealt
-    with.
+    """Tell whether a granule in contact is lifted off, held by static friction, rolling or sliding. Returns whether it
+    was dealt with.
 
     Rolling takes the friction force free / (1 + m r^2 / I) (Routh 1897, ch. 4); where the wall cannot give that, the
     contact point slips.
@@ -225,71 +224,45 @@ def _beside(path, s, t0, hold, bodies, body):
 
 
 @compiled
-def _end_of_face(path, ints, hold, walls, rules, s, t0, stops):
-    """``ends_of_slide`` on a face: where it stops, and the corners at its start and end."""
-    bodies, body, feature = walls.bodies, ints[at.BODY], ints[at.FEATURE]
-    event, kind, which = events.NOTHING, at.FREE, at.NOBODY
-    qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
-    _, _, ux, uy = _beside(path, s, t0, hold, bodies, body)
-    ox, oy, sign, skin = hold[at.OX], hold[at.OY], hold[at.SIGN], SLIVER * rules.skin
-    tx, ty, size = -walls.edges[feature, at.OUT_Y], walls.edges[feature, at.OUT_X], walls.edges[feature, at.LENGTH]
-    wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
-    if stops and wa > 0.0 and wb < 0.0:
-        dx, dy = sign * tx, sign * ty
-        s = first_below(path, t0, bodies, body, events.SPEED, 0.0, 0.0, 0.0, dx, dy, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
-        event = events.HALTED
-    for end in range(2):
-        ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)  # s may have become less
-        q0 = 0.0 if end == 0 else size
-        dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
-        fa, fb = q0 + dx * qx + dy * qy, q0 + dx * ex + dy * ey
-        ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
-        if fa < -rules.skin and ra >= 0.0:
-            continue
-        found = first_below(path, t0, bodies, body, events.PLANE, ox, oy, q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
-        if 0.0 <= found <= s and (fb < 0.0 or found < s):
-            s, event = found, events.SLID_OFF
-            which = walls.edge_links[feature, at.BEFORE + end]
-            kind = at.ON_VERTEX if which >= 0 else at.FREE
-    return s, event, kind, which
-
-
-@compiled
-def _end_of_corner(path, ints, hold, walls, rules, s, t0, stops):
-    """``ends_of_slide`` round a corner: where it stops, and the faces before and after."""
-    bodies, body = walls.bodies, ints[at.BODY]
-    event, kind, which = events.NOTHING, at.FREE, at.NOBODY
-    qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
-    ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
-    ox, oy, sign, skin = hold[at.OX], hold[at.OY], hold[at.SIGN], SLIVER * rules.skin
-    wa, wb = sign * (qx * ry - qy * rx), sign * (ex * uy - ey * ux)
-    if stops and wa > 0.0 and wb < 0.0:
-        s = first_below(path, t0, bodies, body, events.SPIN, ox, oy, sign, 0.0, 0.0, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
-        event = events.HALTED
-    for end in range(2):  # beyond the direction of the edge that ends here, before that of the edge that starts here
-        e = walls.vertex_links[ints[at.FEATURE], at.BEFORE + end]
-        if e < 0:
-            continue
-        ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
-        tx, ty = -walls.edges[e, at.OUT_Y], walls.edges[e, at.OUT_X]
-        dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
-        fa, fb = dx * qx + dy * qy, dx * ex + dy * ey
-        ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
-        found = first_below(path, t0, bodies, body, events.PLANE, ox, oy, 0.0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
-        if 0.0 <= found <= s and (fb < 0.0 or found < s):
-            s, event, kind, which = found, events.SLID_OFF, at.ON_EDGE, e
-    return s, event, kind, which
-
-
-@compiled
 def ends_of_slide(path, ints, hold, grain, walls, rules, s, t0):
     """The first of: sliding stops, or the end of the face or corner is reached. Returns (time, event, next kind, next
     feature). What can turn does not stop when it stops sliding.
+
+    A face ends at the corners at its start and end; a corner beyond the direction of the edge that ends there, and
+    before that of the edge that starts there.
     """
-    stops = grain[at.MOBILITY] == 0.0
-    if hold[at.KIND] == at.ON_EDGE:
-        return _end_of_face(path, ints, hold, walls, rules, s, t0, stops)
-    return _end_of_corner(path, ints, hold, walls, rules, s, t0, stops)
+    bodies, edges, body, feature = walls.bodies, walls.edges, ints[at.BODY], ints[at.FEATURE]
+    event, kind, which, face = events.NOTHING, at.FREE, at.NOBODY, hold[at.KIND] == at.ON_EDGE
+    qx, qy, rx, ry = _beside(path, 0.0, t0, hold, bodies, body)
+    ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)
+    ox, oy, sign, skin = hold[at.OX], hold[at.OY], hold[at.SIGN], SLIVER * rules.skin
+    what, q0, dx, dy, wa, wb = events.SPIN, sign, 0.0, 0.0, sign * (qx * ry - qy * rx), sign * (ex * uy - ey * ux)
+    if face:
+        tx, ty = -edges[feature, at.OUT_Y], edges[feature, at.OUT_X]
+        wa, wb = sign * (tx * rx + ty * ry), sign * (tx * ux + ty * uy)
+        what, q0, dx, dy = events.SPEED, 0.0, sign * tx, sign * ty
+    if grain[at.MOBILITY] == 0.0 and wa > 0.0 and wb < 0.0:
+        s = first_below(path, t0, bodies, body, what, ox, oy, q0, dx, dy, 0.0, wa, 0.0, s, wb, 0.0, 0.0)
+        event = events.HALTED
+    for end in range(2):
+        e = feature if face else walls.vertex_links[feature, at.BEFORE + end]
+        if e < 0:
+            continue
+        ex, ey, ux, uy = _beside(path, s, t0, hold, bodies, body)  # s may have become less
+        q0 = edges[e, at.LENGTH] if face and end == 1 else 0.0
+        tx, ty = -edges[e, at.OUT_Y], edges[e, at.OUT_X]
+        dx, dy = (tx, ty) if end == 0 else (-tx, -ty)
+        fa, fb = q0 + dx * qx + dy * qy, q0 + dx * ex + dy * ey
+        ra, rb = dx * rx + dy * ry, dx * ux + dy * uy
+        if face and fa < -rules.skin and ra >= 0.0:
+            continue
+        met = first_below(path, t0, bodies, body, events.PLANE, ox, oy, q0, dx, dy, 0.0, fa, ra, s, fb, rb, skin)
+        if 0.0 <= met <= s and (fb < 0.0 or met < s):
+            s, event, kind, which = met, events.SLID_OFF, at.ON_EDGE, e
+            if face:
+                which = walls.edge_links[feature, at.BEFORE + end]
+                kind = at.ON_VERTEX if which >= 0 else at.FREE
+    return s, event, kind, which
 
 
 @compiled

@@ -124,7 +124,7 @@ def _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined
     """First contact with a feature of a body in a piece [sa, sb] of the step, whose hull is near to its box."""
     parts, margin = walls.parts, GROWN * r + skin
     edge_a, edge_b, vertex_a, vertex_b = joined
-    found, kind, which = -1.0, at.FREE, at.NOBODY
+    met, kind, which = -1.0, at.FREE, at.NOBODY
     first, last = walls.members[body, at.FIRST_PART], walls.members[body, at.LAST_PART]
     part = first
     while part < last:
@@ -133,8 +133,8 @@ def _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined
         for e in range(low, high):
             if e != edge_a and e != edge_b:
                 s = _edge_contact(path, t0, walls, e, r, skin, sa, sb, qa, qb, hull)
-                if s >= 0.0 and (found < 0.0 or s < found):
-                    found, kind, which = s, at.ON_EDGE, e
+                if s >= 0.0 and (met < 0.0 or s < met):
+                    met, kind, which = s, at.ON_EDGE, e
     part = first
     while part < last:
         near = part == first or _near_part(hull, parts, part, margin)
@@ -142,9 +142,9 @@ def _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined
         for v in range(low, high):
             if v != vertex_a and v != vertex_b:
                 s = _vertex_contact(path, t0, walls, v, r, skin, sa, sb, qa, qb, hull)
-                if s >= 0.0 and (found < 0.0 or s < found):
-                    found, kind, which = s, at.ON_VERTEX, v
-    return found, kind, which
+                if s >= 0.0 and (met < 0.0 or s < met):
+                    met, kind, which = s, at.ON_VERTEX, v
+    return met, kind, which
 
 
 @compiled
@@ -154,7 +154,7 @@ def _first_on_body(path, span, start, end, t0, r, skin, walls, body, joined, bes
     omega = bodies[body, at.OMEGA]
     pieces = 1 if omega == 0.0 else min(MAX_PIECES, 1 + int(omega * span / TURN))
     qa = seen_from(bodies, body, t0, *start)
-    found, kind, which = -1.0, at.FREE, at.NOBODY
+    met, kind, which = -1.0, at.FREE, at.NOBODY
     for piece in range(pieces):
         sa, sb = span * piece / pieces, span * (piece + 1) / pieces
         if best >= 0.0 and sa > best:
@@ -163,11 +163,11 @@ def _first_on_body(path, span, start, end, t0, r, skin, walls, body, joined, bes
         qb = seen_from(bodies, body, t0 + sb, *qb)
         hull = _hull(qa, qb, sb - sa)
         if _near_part(hull, walls.parts, walls.members[body, at.FIRST_PART], GROWN * r + skin):
-            found, kind, which = _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined)
-        if found >= 0.0:
+            met, kind, which = _first_in_piece(path, t0, walls, body, r, skin, sa, sb, qa, qb, hull, joined)
+        if met >= 0.0:
             break
         qa = qb
-    return found, kind, which
+    return met, kind, which
 
 
 @compiled

@@ -80,12 +80,20 @@ def along_phis(path, s, p):
 
 
 @compiled
-def parabola(path, h, nx, ny, mx, my):
-    """Let N of the path be the parabola through its value at the start, n in the middle of a step h, m at its end."""
-    n0x, n0y = path[at.N0X], path[at.N0Y]
-    path[at.N1X], path[at.N1Y] = (4.0 * nx - 3.0 * n0x - mx) / h, (4.0 * ny - 3.0 * n0y - my) / h
-    path[at.N2X] = 2.0 * (n0x - 2.0 * nx + mx) / (h * h)
-    path[at.N2Y] = 2.0 * (n0y - 2.0 * ny + my) / (h * h)
+def parabola(path, first, h, mx, my, ex, ey):
+    """Let a parabola of the path, whose first coefficient is ``first`` (N0X, SLIP, PAST), go on from its value at the
+    start through (mx, my) in the middle of a step h and (ex, ey) at its end.
+    """
+    x, y = path[first], path[first + 1]
+    path[first + 2], path[first + 3] = (4.0 * mx - 3.0 * x - ex) / h, (4.0 * my - 3.0 * y - ey) / h
+    path[first + 4], path[first + 5] = 2.0 * (x - 2.0 * mx + ex) / (h * h), 2.0 * (y - 2.0 * my + ey) / (h * h)
+
+
+@compiled
+def sampled(path, first, s):
+    """A parabola of the path at time s of the step."""
+    x = path[first] + s * (path[first + 2] + s * path[first + 4])
+    return x, path[first + 1] + s * (path[first + 3] + s * path[first + 5])
 
 
 @compiled

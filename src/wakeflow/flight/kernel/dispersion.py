@@ -14,8 +14,7 @@ import math
 from ...laws import turbulence
 from ...laws.random_numbers import normal_pair
 from . import layout as at
-from .air import mesh_velocity
-from .forces import drag_rate
+from .air import drag_rate, mesh_velocity
 from .jit import compiled
 from .locate import barycentric, on_edge
 from .nodes import look_at
@@ -42,7 +41,7 @@ def random_normals(ints, rules):
 
 @compiled
 def _interval_normals(ints, grain, rules):
-    """Those of an interval; of one that lasts as long as two, the sum of theirs: both then see one Brownian path."""
+    """The two numbers of an interval; of one that lasts as long as two, the sum of theirs: one Brownian path."""
     xi, eta = random_normals(ints, rules)
     if rules.noises > 1:
         later = 2 if grain[at.DISPERSION] != 0.0 and grain[at.DIFFUSIVITY] != 0.0 else 1  # two numbers an interval
@@ -157,7 +156,7 @@ def renew_in(state, ints, grain, table, rules, wind, seen, rest, beat):
 
 @compiled
 def mirror(state, ints, nx, ny):
-    """At a wall with outward normal n no eddy blows through: fluctuations into it are turned round."""
+    """Turn round the fluctuations into a wall with outward normal n: no eddy blows through it."""
     for slot in (at.MEAN_X, at.SEEN_X, at.KICK_X):
         into = nx * state[slot] + ny * state[slot + 1]
         if into < 0.0:

@@ -67,13 +67,8 @@ def _swing(bodies, body, t):
     if bodies[body, at.SAMPLE_COUNT] == 0.0:
         return harmonic(omega, bodies[body, at.PHASE], t)
     k, s = interval(bodies, body, t)
-    return cubic(
-        bodies[body, k + at.SAMPLE_OUT],
-        bodies[body, k + at.SAMPLE_SPEED],
-        bodies[body, k + at.SAMPLE_PULL],
-        bodies[body, k + at.SAMPLE_JERK],
-        s,
-    )
+    out, speed = bodies[body, k + at.SAMPLE_OUT], bodies[body, k + at.SAMPLE_SPEED]
+    return cubic(out, speed, bodies[body, k + at.SAMPLE_PULL], bodies[body, k + at.SAMPLE_JERK], s)
 
 
 @compiled

@@ -15,9 +15,11 @@ while the memories go on.
 
 from __future__ import annotations
 
+import math
+
 from ...laws.forces.history_force import MEMORIES
 from . import layout as at
-from .dense_output import phis
+from .dense_output import parabola, phis, sampled
 from .jit import called, compiled
 
 RATES = 1.0 / MEMORIES
@@ -67,21 +69,6 @@ def begin_memory(path, state, ints, grain, hold, ux, uy, sx, sy):
     return path[at.PAST], path[at.PAST + 1]
 
 
-@compiled
-def sampled(path, first, s):
-    """A parabola of the path, that of the slip or of the history force, at time s of the step."""
-    x = path[first] + s * (path[first + 2] + s * path[first + 4])
-    return x, path[first + 1] + s * (path[first + 3] + s * path[first + 5])
-
-
-@compiled
-def _bend(path, first, h, mx, my, ex, ey):
-    """Let a parabola of the path go through (mx, my) in the middle of a step h and (ex, ey) at its end."""
-    x, y = path[first], path[first + 1]
-    path[first + 2], path[first + 3] = (4.0 * mx - 3.0 * x - ex) / h, (4.0 * my - 3.0 * y - ey) / h
-    path[first + 4], path[first + 5] = 2.0 * (x - 2.0 * mx + ex) / (h * h), 2.0 * (y - 2.0 * my + ey) / (h * h)
-
-
 @called
 def recall(path, state, grain, hold, s):
     """The history force per mass at time s of the step, and by how much (1/s) it grows with the slip there; none in
@@ -110,13 +97,25 @@ def recall_line(path, state, grain, hold, s, sx, sy):
     return fx, fy
 
 
+@compiled
+def past_defect(path, state, grain, hold, s, sx, sy):
+    """What the history force differs by at time s of the step, where the slip is s, from its own parabola; what the
+    slip's own parabola leaves out there does to it; and that parabola's force.
+    """
+    fx, fy, grows = recall(path, state, grain, hold, s)
+    px, py = sampled(path, at.PAST, s)
+    qx, qy = sampled(path, at.SLIP, s)
+    bent = grows * math.sqrt((sx - qx) ** 2 + (sy - qy) ** 2)
+    return math.sqrt((fx - px) ** 2 + (fy - py) ** 2), bent, px, py
+
+
 @called
 def bend_memory(path, h, state, grain, hold, mx, my, ex, ey):
-    """With the slip (mx, my) in the middle of a step h and (ex, ey) at its end: the force at both."""
-    _bend(path, at.SLIP, h, mx, my, ex, ey)
+    """The force in the middle of a step h, where the slip is (mx, my), and at its end, where it is (ex, ey)."""
+    parabola(path, at.SLIP, h, mx, my, ex, ey)
     mx, my, _ = recall(path, state, grain, hold, 0.5 * h)
     ex, ey, _ = recall(path, state, grain, hold, h)
-    _bend(path, at.PAST, h, mx, my, ex, ey)
+    parabola(path, at.PAST, h, mx, my, ex, ey)
     return mx, my, ex, ey
 
 

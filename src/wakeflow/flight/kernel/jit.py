@@ -112,14 +112,14 @@ def called(function: Any) -> Any:
 
 
 def _with_its_laws(function: Any) -> Any:
-    """With what a law calls of its own module compiled too: laws are plain Python, and a compiled function calls
-    compiled ones only.
+    """The function, with what a law calls of its own module compiled too: laws are plain Python, and a compiled
+    function calls compiled ones only.
     """
-    own, names = function.__globals__, function.__code__.co_names if ".laws." in function.__module__ else ()
-    laws = {name: own[name] for name in names if isinstance(own.get(name), FunctionType)}
+    around, names = function.__globals__, function.__code__.co_names if ".laws." in function.__module__ else ()
+    laws = {name: around[name] for name in names if isinstance(around.get(name), FunctionType)}
     if not laws:
         return function
-    ready = own | {name: compiled(law) for name, law in laws.items()}
+    ready = around | {name: compiled(law) for name, law in laws.items()}
     return FunctionType(function.__code__, ready, function.__name__, function.__defaults__)
 
 

@@ -6,6 +6,7 @@ import math
 
 from . import layout as at
 from .jit import called, compiled
+from .walls import inside
 
 INSIDE = -1e-12
 AROUND = 3  # covered edges on each side of the nearest one that are tried
@@ -23,6 +24,17 @@ def barycentric(geometry, tri, k, x, y):
 
 
 @compiled
+def farthest(geometry, tri, x, y):
+    """The edge of a triangle that a point is farthest beyond, and its barycentric coordinate there."""
+    least, edge = barycentric(geometry, tri, 0, x, y), 0
+    for k in range(1, 3):
+        value = barycentric(geometry, tri, k, x, y)
+        if value < least:
+            least, edge = value, k
+    return least, edge
+
+
+@compiled
 def cell_size(geometry, tri):
     """The side (m) of a square of twice the triangle's area."""
     return 1.0 / math.sqrt(
@@ -37,12 +49,8 @@ def walk(geometry, neighbours, tri, x, y):
     Returns (triangle, 0) when found, else (last triangle, code < 0) where the straight walk meets the boundary.
     """
     for _ in range(neighbours.shape[0] + 10):
-        worst, edge = INSIDE, at.NOBODY
-        for k in range(3):
-            value = barycentric(geometry, tri, k, x, y)
-            if value < worst:
-                worst, edge = value, k
-        if edge < 0:
+        beyond, edge = farthest(geometry, tri, x, y)
+        if not beyond < INSIDE:
             return tri, at.NOBODY + 1
         onward = neighbours[tri, edge]
         if onward < 0:
@@ -58,9 +66,9 @@ def find(air, tri, x, y):
     far = abs(x - g[tri, at.CORNER_X]) * p[at.PER_X] + abs(y - g[tri, at.CORNER_Y]) * p[at.PER_Y] > FAR
     column, row = math.floor((x - p[at.GRID_X]) * p[at.PER_X]), math.floor((y - p[at.GRID_Y]) * p[at.PER_Y])
     if far and 0.0 <= column < p[at.IN_ROW] and 0.0 <= row < p[at.IN_ROW]:
-        found, code = walk(g, air.neighbours, air.grid[int(row * p[at.IN_ROW] + column)], x, y)
+        triangle, code = walk(g, air.neighbours, air.grid[int(row * p[at.IN_ROW] + column)], x, y)
         if code == 0:
-            return found, code
+            return triangle, code
     return walk(g, air.neighbours, tri, x, y)
 
 
@@ -95,11 +103,8 @@ def _corner(air, tri, k):
 def anywhere(geometry, x, y):
     """The triangle that holds a point, by looking at all of them; -1 for none. For granules that nothing else finds."""
     for tri in range(geometry.shape[0]):
-        if (
-            barycentric(geometry, tri, 0, x, y) >= INSIDE
-            and barycentric(geometry, tri, 1, x, y) >= INSIDE
-            and barycentric(geometry, tri, 2, x, y) >= INSIDE
-        ):
+        least, _ = farthest(geometry, tri, x, y)
+        if least >= INSIDE:
             return tri
     return -1
 
@@ -113,16 +118,16 @@ def _from_around(air, gap, x, y):
         after = air.covered[after, at.COVER_AFTER] if after >= 0 else -1
         for edge in (before, after):
             if edge >= 0:
-                found, code = walk(air.geometry, air.neighbours, air.covered[edge, at.COVER_TRI], x, y)
+                triangle, code = walk(air.geometry, air.neighbours, air.covered[edge, at.COVER_TRI], x, y)
                 if code == 0:
-                    return found
+                    return triangle
     return -1
 
 
 @called
-def reproject(state, ints, air, buried):
-    """For a granule in the gap: move on to the nearest boundary edge, or back into the mesh. Returns that edge's
-    length. ``buried``: it lies inside the outline at rest of a body, so that no triangle can hold it.
+def reproject(state, ints, air, walls):
+    """Move a granule in the gap on to the nearest boundary edge, or back into the mesh. Returns that edge's
+    length. No triangle can hold one that lies inside the outline at rest of a body.
     """
     x, y = state[at.X], state[at.Y]
     gap, came = ints[at.GAP], at.NOBODY
@@ -137,17 +142,20 @@ def reproject(state, ints, air, buried):
     bx, by = _corner(air, tri, (k + 2) % 3)
     ints[at.GAP], ints[at.TRI], ints[at.FRESH] = gap, tri, 0
     if barycentric(air.geometry, tri, k, x, y) > 1e-9:
-        found, code = walk(air.geometry, air.neighbours, tri, x, y)
+        triangle, code = walk(air.geometry, air.neighbours, tri, x, y)
         if code == 0:
-            ints[at.GAP], ints[at.TRI] = -1, found
+            ints[at.GAP], ints[at.TRI] = -1, triangle
             state[at.H_ERROR] = math.inf
         elif code <= -2:
-            ints[at.GAP], ints[at.TRI] = -2 - code, found
+            ints[at.GAP], ints[at.TRI] = -2 - code, triangle
+    buried = False
+    for body in range(walls.bodies.shape[0]):
+        buried = buried or inside(walls, body, x, y)[0]
     if ints[at.GAP] >= 0 and not buried:  # beside a corner the nearest edge and the walk from it may miss the mesh
-        found = _from_around(air, gap, x, y)
-        if found < 0 and ints[at.STEPS] % SELDOM == 0:
-            found = anywhere(air.geometry, x, y)
-        if found >= 0:
-            ints[at.GAP], ints[at.TRI] = -1, found
+        triangle = _from_around(air, gap, x, y)
+        if triangle < 0 and ints[at.STEPS] % SELDOM == 0:
+            triangle = anywhere(air.geometry, x, y)
+        if triangle >= 0:
+            ints[at.GAP], ints[at.TRI] = -1, triangle
             state[at.H_ERROR] = math.inf
     return math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)

@@ -10,21 +10,19 @@ import math
 
 from . import events
 from . import layout as at
-from .air import bracket, load_triangle
+from .air import bracket, free_force, load_triangle, spin_at
 from .contact import ends_of_slide, friction_turn, grip, lets_go, rescue, settle, strike, takes_hold
 from .crossings import first_line, first_wall
 from .dense_output import along, sway
 from .dispersion import renew
 from .events import wall_motion
-from .forces import free_force, spin_at
 from .history import begin_memory, remember
 from .jit import called, compiled, entry, merged
 from .locate import reproject
-from .step import PROGRESS
-from .step_control import HOP_LIMIT, confined_step, cross_edge, hop, leaves, longest_step, relocate
+from .step import HOP_LIMIT, PROGRESS, confined_step, cross_edge, hop, leaves, longest_step, relocate
 from .strides import multi_cell_step
 from .track_start import begin_track, store_point
-from .walls import constrain, grasp, inside
+from .walls import constrain, grasp
 
 PRESSED = 1e-8  # of the square of the speed that a body's length of the pull gives: slower is at rest in a corner
 
@@ -52,10 +50,7 @@ def _refresh(state, ints, affine, air, grain, table, walls, rules, timed):
     """Find the snapshots, the noise and the boundary edge of the granule's clock and place; that edge's length."""
     edge = 0.0
     if ints[at.GAP] >= 0:
-        buried = False
-        for body in range(walls.bodies.shape[0]):
-            buried = buried or inside(walls, body, state[at.X], state[at.Y])[0]
-        edge = reproject(state, ints, air, buried)
+        edge = reproject(state, ints, air, walls)
     if timed and state[at.T] >= state[at.T_END]:
         bracket(state, ints, affine, air)
     if grain[at.NOISE] != 0.0 and state[at.T] >= state[at.T_NOISE]:
@@ -135,13 +130,13 @@ def _first_event(path, h, in_cell, state, ints, affine, air, grain, table, hold,
         )
     end = along(path, s)
     if walls.bodies.shape[0] > 0 and ints[at.STUCK] < HOP_LIMIT:
-        found, hit_kind, hit = first_wall(path, s, end, t0, grain[at.RADIUS], rules.skin, walls, ints)
-        if found >= 0.0:
-            s, event, kind, which = found, events.WALL, hit_kind, hit
+        met, hit_kind, hit = first_wall(path, s, end, t0, grain[at.RADIUS], rules.skin, walls, ints)
+        if met >= 0.0:
+            s, event, kind, which = met, events.WALL, hit_kind, hit
             end = along(path, s)
-    found, line = first_line(path, s, end, t0, walls, rules.skin)
-    if found >= 0.0:
-        s, event = found, events.CROSSED
+    met, line = first_line(path, s, end, t0, walls, rules.skin)
+    if met >= 0.0:
+        s, event = met, events.CROSSED
         end = along(path, s)
     return end, s, event, kind, which, line, turn
 

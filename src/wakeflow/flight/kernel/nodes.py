@@ -13,8 +13,7 @@ import math
 from typing import NamedTuple
 
 from . import layout as at
-from .air import mesh_velocity, share_rates, shares
-from .forces import drag_rate, forces_in_gradient, spin_in_curl
+from .air import drag_rate, forces_in_gradient, mesh_velocity, share_rates, shares, spin_in_curl
 from .jit import compiled
 
 # -- The force at a point straight from the nodes of its triangle, nothing loaded before -------------------------------

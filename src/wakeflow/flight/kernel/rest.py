@@ -10,8 +10,8 @@ do not have: where the other wall's friction alone holds it, it stays all the sa
 from __future__ import annotations
 
 from . import layout as at
+from .air import free_force
 from .events import carried_along, next_turn, turned_by, wall_motion
-from .forces import free_force
 from .jit import compiled
 from .walls import STILL, carry, constrain, facing, grasp, leans, ride
 
@@ -44,21 +44,21 @@ def _presses(hold, fx, fy, x, y, vx, vy, t):
 
 
 @compiled
-def _together(bodies, one, other):
+def _together(bodies, body, other):
     """Whether two bodies move as one."""
-    if one == other:
+    if body == other:
         return True
-    if bodies[one, at.OMEGA] != bodies[other, at.OMEGA]:
+    if bodies[body, at.OMEGA] != bodies[other, at.OMEGA]:
         return False
-    if bodies[one, at.OMEGA] == 0.0:
+    if bodies[body, at.OMEGA] == 0.0:
         return True
     for column in (at.PHASE, at.SAMPLE_COUNT, at.SAMPLE_PERIOD, at.ROCK, at.PIVOT_X, at.PIVOT_Y):
-        if bodies[one, column] != bodies[other, column]:
+        if bodies[body, column] != bodies[other, column]:
             return False
     reach = (
-        bodies[one, at.REACH_X] == bodies[other, at.REACH_X] and bodies[one, at.REACH_Y] == bodies[other, at.REACH_Y]
+        bodies[body, at.REACH_X] == bodies[other, at.REACH_X] and bodies[body, at.REACH_Y] == bodies[other, at.REACH_Y]
     )
-    return reach or bodies[one, at.ROCK] != 0.0  # of bodies that rock the reach is that of their outlines
+    return reach or bodies[body, at.ROCK] != 0.0  # of bodies that rock the reach is that of their outlines
 
 
 @compiled
@@ -91,8 +91,8 @@ def caught(state, hold, walls, kind, which, body, rx, ry, e, stuck):
 
 @compiled
 def wedge(state, ints, hold, walls, rules, fx, fy, kind, which, e):
-    """For a granule that has just come to slide on the wall in ``hold`` while it lay on another one: wedged between
-    them, at rest, if both press and no bounce between them is worth following. Returns whether it is."""
+    """Wedge a granule that has just come to slide on the wall in ``hold`` while it lay on another one between both: at
+    rest, if both press and no bounce between them is worth following. Returns whether it is."""
     body, mx, my, _ = facing(walls, kind, which, state[at.X], state[at.Y], state[at.T])
     turn = abs(hold[at.NX] * my - hold[at.NY] * mx)
     if turn < PARALLEL or not _together(walls.bodies, body, ints[at.BODY]):

@@ -17,15 +17,15 @@ import math
 from typing import NamedTuple
 
 from . import layout as at
+from .air import spin_in_curl
 from .crossings import first_line, first_wall
-from .dense_output import along, along_phis, parabola, phis, sway
+from .dense_output import along, along_phis, parabola, phis, sampled, sway
 from .dispersion import renew_at
-from .forces import spin_in_curl
-from .history import begin_memory, bend_memory, recall, recall_line, remember, sampled
+from .history import begin_memory, bend_memory, past_defect, recall_line, remember
 from .jit import called, compiled
-from .locate import barycentric, cell_size, find
+from .locate import barycentric, cell_size, farthest, find
 from .nodes import BOOLE, carried, displaced, excess_in, look_at
-from .step import PROGRESS, TRANSIENT
+from .step import PROGRESS, TRANSIENT, flight_left
 from .walls import clearance
 
 STRIDE_SHARE = 1.0  # of the tolerance for strides: the whole of it, since the judged error is that of Simpson's rule
@@ -104,22 +104,12 @@ def _bend(path, h, stage, s, nx, ny, hx, hy, ex, ey, sx, sy, state, hold, grain)
     if remembers:
         ax, ay, sx, sy = bend_memory(path, h, state, grain, hold, hx, hy, sx, sy)
         nx, ny, ex, ey = nx + ax, ny + ay, ex + sx, ey + sy
-    parabola(path, h, nx, ny, ex, ey)
-
-
-@compiled
-def _past(path, s, state, hold, grain, sx, sy):
-    """Defects at time s of the stride of the history force's own parabola, and of the slip's, in what that is to it."""
-    ax, ay, grows = recall(path, state, grain, hold, s)
-    px, py = sampled(path, at.PAST, s)
-    qx, qy = sampled(path, at.SLIP, s)
-    bent = grows * math.sqrt((sx - qx) ** 2 + (sy - qy) ** 2)
-    return math.sqrt((ax - px) ** 2 + (ay - py) ** 2), bent
+    parabola(path, at.N0X, h, nx, ny, ex, ey)
 
 
 @compiled
 def _fades(path, h, now, vx, vy, sx, sy):
-    """At the end of a stride h (s), with the drag rate ``now`` and the slip there: what B, frozen, displaces (m), and
+    """What B, frozen, displaces (m) by the end of a stride h (s), with the drag rate ``now`` and the slip there, and
     the mean slope of N (m/s3) but for what B changes by.
     """
     change = math.sqrt((vx - path[at.START_VX]) ** 2 + (vy - path[at.START_VY]) ** 2)
@@ -129,24 +119,13 @@ def _fades(path, h, now, vx, vy, sx, sy):
 
 
 @compiled
-def _farthest(geometry, tri, x, y):
-    """The edge of a triangle that a point is farthest beyond, and its barycentric coordinate there."""
-    least, edge = barycentric(geometry, tri, 0, x, y), 0
-    for k in range(1, 3):
-        value = barycentric(geometry, tri, k, x, y)
-        if value < least:
-            least, edge = value, k
-    return least, edge
-
-
-@compiled
 def _left(path, s, geometry, tri, code, x, y):
-    """About when a path that is on (x, y) at time s leaves the mesh, of which ``tri`` is the last triangle; s where it
-    does not, or goes a little beyond an open edge: the air of the triangle is taken there.
+    """The time, about, when a path that is on (x, y) at time s leaves the mesh, of which ``tri`` is the last triangle;
+    s where it does not, or goes a little beyond an open edge: the air of the triangle is taken there.
     """
     if code != OPEN:
         return s if code == 0 else 0.5 * s
-    beyond, edge = _farthest(geometry, tri, x, y)
+    beyond, edge = farthest(geometry, tri, x, y)
     if beyond >= -OVER:
         return s
     before = barycentric(geometry, tri, edge, path[at.START_X], path[at.START_Y])
@@ -177,8 +156,7 @@ def _stages(path, h, ends, start, state, ints, hold, affine, air, grain, table):
         half_way, last = (tri if stage == 1 else half_way), (tri if stage == 2 else last)
         ints[at.EVALUATIONS] += 1
         look = look_at(ints, affine, air, grain, tri, x, y, state[at.T] + s)
-        fx = path[at.N0X] + s * (path[at.N1X] + s * path[at.N2X])
-        fy = path[at.N0Y] + s * (path[at.N1Y] + s * path[at.N2Y])
+        fx, fy = sampled(path, at.N0X, s)
         ex, ey, now, vx, vy, sx, sy, turn = excess_in(
             look, state, air, grain, table, vx, vy, state[at.T] + s, rate, fx, fy, 0.5 * s * p[2], start.curl
         )
@@ -198,7 +176,7 @@ def _stages(path, h, ends, start, state, ints, hold, affine, air, grain, table):
         if stage == 3:
             ox, oy = nx, ny
         elif grain[at.FORGET] != 0.0:
-            past, bent = _past(path, s, state, hold, grain, sx, sy)
+            past, bent, _, _ = past_defect(path, state, grain, hold, s, sx, sy)
     return Stages(math.inf, last, fast, curl, ox, oy, nx, ny, past, bent, relaxed, gx, gy)
 
 
@@ -218,25 +196,18 @@ def _arrive(path, h, clock, tri, end, curl, state, ints, hold, grain):
     ints[at.TRI] = tri
 
 
-@compiled
-def _flight_left(state, grain, rules, speed):
-    """How long (s) a velocity may be carried on: to the end, or as long as the flight takes."""
-    fall = math.sqrt(rules.extent * math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2))
-    return min(rules.until - state[at.T], rules.extent / (speed + fall + 1e-300))
-
-
 # -- A stride that is judged -------------------------------------------------------------------------------------------
 @compiled
-def _error(path, h, p, found, horizon, grain):
+def _error(path, h, p, stages, horizon, grain):
     """What a stride h (s) with the phi functions ``p`` at its end may displace (m): by its defects, by a velocity's
     transient, and by the history force.
     """
     rate = path[at.RATE]
     carry = carried(p, rate, h, horizon)
-    error = h * displaced(found.ox, found.oy, found.mx, found.my, carry, rate, h)
-    error += found.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
+    error = h * displaced(stages.ox, stages.oy, stages.mx, stages.my, carry, rate, h)
+    error += stages.relaxed * (rate * h / (rate * h + TRANSIENT)) ** 3
     if grain[at.FORGET] != 0.0:
-        error += h * (h * p[2] * found.past + carry * found.bent)
+        error += h * (h * p[2] * stages.past + carry * stages.bent)
     return error
 
 
@@ -250,12 +221,12 @@ def _first_met(path, h, end, state, ints, grain, walls, rules, free, way):
     if way > searched:
         h = met = h * searched / way
         end = along(path, h)
-    found, _, _ = first_wall(path, h, end, state[at.T], grain[at.RADIUS], rules.skin, walls, ints)
-    if found >= 0.0:
-        h = met = found
+    hit, _, _ = first_wall(path, h, end, state[at.T], grain[at.RADIUS], rules.skin, walls, ints)
+    if hit >= 0.0:
+        h = met = hit
         end = along(path, h)
     crossed, _ = first_line(path, h, end, state[at.T], walls, rules.skin)
-    if found >= 0.0 or crossed >= 0.0:  # a confined step makes the contact
+    if hit >= 0.0 or crossed >= 0.0:  # a confined step makes the contact
         ints[at.PATIENCE] = 1
     return crossed if crossed >= 0.0 else met
 
@@ -264,7 +235,7 @@ def _first_met(path, h, end, state, ints, grain, walls, rules, free, way):
 def _on_edge(path, h, geometry, tri):
     """When a path that ends a little beyond the mesh's edge, at time h (s), crosses it."""
     x, y, vx, vy = along(path, h)
-    _, k = _farthest(geometry, tri, x, y)
+    _, k = farthest(geometry, tri, x, y)
     bx, by, s = geometry[tri, at.B0X + 2 * k], geometry[tri, at.B0Y + 2 * k], h
     for _ in range(NEWTON):
         s -= barycentric(geometry, tri, k, x, y) / (bx * vx + by * vy)
@@ -299,15 +270,15 @@ def _end(path, h, p, tri, state, ints, air, grain, walls, rules, free, way):
 
 
 @compiled
-def _land(path, h, p, clock, found, state, ints, hold, air, grain, walls, rules, free, way):
+def _land(path, h, p, clock, stages, state, ints, hold, air, grain, walls, rules, free, way):
     """Make good the mean defect of the force, and arrive at the end of a stride h (s). Returns when; a time that is not
     above zero: the granule has not moved.
     """
-    path[at.N0X] += BOOLE * (found.ox + found.mx)
-    path[at.N0Y] += BOOLE * (found.oy + found.my)
-    s, tri, end = _end(path, h, p, found.tri, state, ints, air, grain, walls, rules, free, way)
+    path[at.N0X] += BOOLE * (stages.ox + stages.mx)
+    path[at.N0Y] += BOOLE * (stages.oy + stages.my)
+    s, tri, end = _end(path, h, p, stages.tri, state, ints, air, grain, walls, rules, free, way)
     if s > 0.0:
-        _arrive(path, s, clock, tri, end, found.curl, state, ints, hold, grain)
+        _arrive(path, s, clock, tri, end, stages.curl, state, ints, hold, grain)
     return s
 
 
@@ -333,29 +304,30 @@ def stride(path, cell, least, most, state, ints, hold, affine, air, grain, table
     """
     t0, speed, known = state[at.T], math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), state[at.H_STRIDE]
     clock = min(rules.until, state[at.T_NOISE], state[at.T_END] if air.smooth[at.KNOT_RATE] == 0.0 else math.inf)
-    asked = min(FIRST * cell if known == 0.0 else max(known, least), most)
-    h, free = _room(min(asked, clock - t0, LOOKS * rules.coarse), speed, state, grain, walls, rules)
+    wanted = min(FIRST * cell if known == 0.0 else max(known, least), most)
+    h, free = _room(min(wanted, clock - t0, LOOKS * rules.coarse), speed, state, grain, walls, rules)
     if not (h >= least or h == state[at.T_NOISE] - t0 > 0.0):
         return 0.0, False, (0.0, 0.0)
-    refused, horizon = False, _flight_left(state, grain, rules, speed)
+    weight = math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2)
+    refused, horizon = False, flight_left(state, rules, speed, weight)
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], t0)
     start = _begin(path, look, state, ints, hold, air, grain, table)
     for _ in range(TRIES):
         p = phis(-path[at.RATE] * h)
-        found = _stages(path, h, p, start, state, ints, hold, affine, air, grain, table)
-        if found.left < h:
-            h = found.left
+        stages = _stages(path, h, p, start, state, ints, hold, affine, air, grain, table)
+        if stages.left < h:
+            h = stages.left
             if h < least:
                 break
             continue
-        way = AROUND * h * found.fast
-        error = _error(path, h, p, found, horizon, grain)
+        way = AROUND * h * stages.fast
+        error = _error(path, h, p, stages, horizon, grain)
         allowed = STRIDE_SHARE * rules.allowance * math.sqrt(rules.extent * way)
         if error <= allowed:
             longer = h * min(GROWTH, 0.8 * math.sqrt(math.sqrt(allowed / error))) if error > 0.0 else GROWTH * h
-            state[at.H_STRIDE] = max(longer, known) if h < asked and not refused else longer
-            h = _land(path, h, p, clock, found, state, ints, hold, air, grain, walls, rules, free, way)
-            return max(h, 0.0), False, (found.gx, found.gy)
+            state[at.H_STRIDE] = max(longer, known) if h < wanted and not refused else longer
+            h = _land(path, h, p, clock, stages, state, ints, hold, air, grain, walls, rules, free, way)
+            return max(h, 0.0), False, (stages.gx, stages.gy)
         h *= max(0.1, 0.7 * math.sqrt(math.sqrt(allowed / error))) if math.isfinite(error) else 0.1
         refused, known = True, h
         if h < least:
@@ -405,7 +377,8 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
     end = rules.until if air.smooth[at.KNOT_RATE] != 0.0 else min(rules.until, state[at.T_END])
     bend = math.sqrt(path[at.N2X] ** 2 + path[at.N2Y] ** 2)
     free = 0.0
-    horizon = _flight_left(state, grain, rules, math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2))
+    weight = math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2)
+    horizon = flight_left(state, rules, math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), weight)
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], state[at.T])
     for taken in range(IN_A_ROW):
         if state[at.T] != state[at.T_NOISE] or not state[at.T] < end:
@@ -443,7 +416,7 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
     return IN_A_ROW
 
 
-# -- When strides are tried in place of many confined steps (``step_control``) -----------------------------------------
+# -- When strides are tried in place of many confined steps (``step``) -----------------------------------------
 MIN_STRIDE = 0.5  # sizes of a triangle: its mean chord, and so as far as a confined step goes
 MAX_STRIDE = 60.0  # the same: a longer stride may look at nothing of what it passes
 DRAWN_STRIDE = 4.0  # the same, of a granule whose path is drawn

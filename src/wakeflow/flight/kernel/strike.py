@@ -31,11 +31,18 @@ def stays(state, ints, grain, walls, body, nx, ny, wx, wy, seed):
 
 
 @compiled
+def friction_of(grain, walls, body):
+    """The coefficient of friction at a body: the body's, else the granule's."""
+    of_body = walls.bodies[body, at.BODY_FRICTION]
+    return grain[at.FRICTION] if of_body < 0.0 else of_body
+
+
+@compiled
 def restitution_of(state, grain, walls, body, nx, ny, wx, wy):
     """e of the collision with ``body``, whose surface moves with w and has the normal n there."""
-    own = walls.bodies[body, at.BODY_RESTITUTION]
-    if own >= 0.0:
-        return own
+    of_body = walls.bodies[body, at.BODY_RESTITUTION]
+    if of_body >= 0.0:
+        return of_body
     if grain[at.RESTITUTION] >= 0.0:
         return grain[at.RESTITUTION]
     cells = walls.restitution

@@ -7,7 +7,7 @@ import math
 from . import layout as at
 from .events import seen_from
 from .jit import called, compiled
-from .step_control import relocate
+from .step import relocate
 from .walls import grasp, inside, overlap
 
 
@@ -87,13 +87,8 @@ def store_point(state, ints, record, last):
         ints[at.KEPT] = half
         ints[at.KEEP_EVERY] *= 2
     i = ints[at.KEPT]
-    record[i, at.REC_T] = state[at.T]
-    record[i, at.REC_X], record[i, at.REC_Y], record[i, at.REC_VX], record[i, at.REC_VY] = (
-        state[at.X],
-        state[at.Y],
-        state[at.VX],
-        state[at.VY],
-    )
+    record[i, at.REC_T], record[i, at.REC_X], record[i, at.REC_Y] = state[at.T], state[at.X], state[at.Y]
+    record[i, at.REC_VX], record[i, at.REC_VY] = state[at.VX], state[at.VY]
     record[i, at.REC_GAIN_X], record[i, at.REC_GAIN_Y] = state[at.GAIN_X], state[at.GAIN_Y]
     ints[at.KEPT] = i + 1
     ints[at.OFFERED] += 1

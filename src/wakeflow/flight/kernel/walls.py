@@ -169,29 +169,21 @@ def _swing(hold, t):
 
 @compiled
 def leans(hold, t):
-    """By how much the wall in hold has turned since its normals were taken."""
+    """The angle by which the wall in hold has turned since its normals were taken."""
     return hold[at.ROCKS] * _swing(hold, t)[0] - hold[at.LEANED] if hold[at.ROCKS] != 0.0 else 0.0
 
 
 @compiled
 def carry(hold, x, y, vx, vy, t):
-    """Of the wall in hold at time t, for a granule at (x, y) with velocity v: the way from the constraint's origin to
-    it, velocity and acceleration as of ``wall_motion``, and the rate at which it turns, with its derivative.
+    """What the wall in hold does at time t for a granule at (x, y) with velocity v: the way from the constraint's
+    origin to it, velocity and acceleration as of ``wall_motion``, and the rate at which it turns, with its derivative.
     """
     out, rate, pull = _swing(hold, t)
     rock = hold[at.ROCKS]
     if rock == 0.0:
         ax, ay = hold[at.WX], hold[at.WY]
-        return (
-            x - ax * out - hold[at.OX],
-            y - ay * out - hold[at.OY],
-            ax * rate,
-            ay * rate,
-            ax * pull,
-            ay * pull,
-            0.0,
-            0.0,
-        )
+        x, y = x - ax * out - hold[at.OX], y - ay * out - hold[at.OY]
+        return x, y, ax * rate, ay * rate, ax * pull, ay * pull, 0.0, 0.0
     px, py = hold[at.AT_X], hold[at.AT_Y]
     dx, dy = turning(rock * out, hold[at.OX] - px, hold[at.OY] - py)
     wx, wy, ax, ay = rocking(rock * rate, rock * pull, x - px, y - py, vx, vy)
@@ -240,8 +232,8 @@ def clearance(walls, x, y, radius, enough):
             continue
         nearest = part
         while parts[nearest, at.BEYOND] != nearest + 1:  # who begins at the nearest leaf looks at few others
-            one, other = nearest + 1, int(parts[nearest + 1, at.BEYOND])
-            nearest = one if away(parts, one, x, y) <= away(parts, other, x, y) else other
+            half, other = nearest + 1, int(parts[nearest + 1, at.BEYOND])
+            nearest = half if away(parts, half, x, y) <= away(parts, other, x, y) else other
         for e in range(int(parts[nearest, at.FIRST_EDGE]), int(parts[nearest, at.LAST_EDGE])):
             free = min(free, distance(edges, e, x, y) - swing)
         if nearest == part:  # a body of few edges

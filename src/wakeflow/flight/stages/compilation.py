@@ -13,10 +13,10 @@ import numpy as np
 
 from ... import flight as tracking
 from ...core.errors import ProgramError
+from ...core.files import kernel_root
 from ...core.process import call_in_child, cores
 from ...core.quantities import duration
 from ...core.sources import kernel_folder
-from ...core.user_folder import kernel_root
 from ...planning.stage_cache import StageCache, StageTime
 from ...planning.stages import OWN, StageKey
 from .machine_rates import KERNELS, note_compiled, to_compile

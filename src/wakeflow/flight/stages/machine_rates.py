@@ -15,9 +15,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ...core.errors import SceneError
-from ...core.files import read_json, write_json
+from ...core.files import kernel_root, read_json, write_json
 from ...core.sources import kernel_folder
-from ...core.user_folder import kernel_root
 from ...planning.cost import COMPILE, PROGRAM
 from ...planning.plan import Plan
 from ...planning.stages import OWN, StageCost, StageKey

@@ -141,6 +141,9 @@ class Bound:
     why: str
 
 
+ALWAYS = Bound(lambda _: math.inf, "it acts in every flight")
+
+
 # -- What a force is ---------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 Vector = tuple[float, float]
@@ -165,7 +168,7 @@ class Grains(Protocol):
 
     @property
     def sphericity(self) -> Array:
-        """By which drag goes; 1: a ball."""
+        """What drag goes by; 1: a ball."""
 
     @property
     def inertia(self) -> Array:
@@ -203,7 +206,7 @@ class AirProperties(Protocol):
 
     @property
     def mean_free_path(self) -> float:
-        """Of its molecules, m; 0 in a liquid."""
+        """The mean free path of its molecules, m; 0 in a liquid."""
 
 
 def drag_scale(grains: Grains, air: AirProperties) -> Array:
@@ -211,26 +214,6 @@ def drag_scale(grains: Grains, air: AirProperties) -> Array:
     return (
         1.0 / slip_correction(grains.diameter, air.mean_free_path) if grains.drag_scale is None else grains.drag_scale
     )
-
-
-class Field(Protocol):
-    """What tells whether a field has what a force needs of it."""
-
-    @property
-    def pressure(self) -> Array | None:
-        """Pa; None where there is none, or its gradient is given."""
-
-    @property
-    def given_gradient(self) -> Array | None:
-        """Of the pressure, Pa/m; None where it is that of ``pressure``."""
-
-    @property
-    def k(self) -> Array | None:
-        """Turbulent kinetic energy, m2/s2; None in laminar air."""
-
-    @property
-    def dissipation(self) -> Array | None:
-        """Its dissipation, m2/s3; None in laminar air."""
 
 
 @dataclass(frozen=True)
@@ -282,8 +265,8 @@ class Instant(NamedTuple):
 class Force:
     """One term of the equation of motion.
 
-    ``needs`` says what a field must hold for it; ``bound`` how far leaving it out could move a granule (None: it always
-    acts). What the compiled tracker is handed is one or more of these, each made of granules and air:
+    ``needs`` says what a field must hold for it; ``bound`` how far leaving it out could move a granule (ALWAYS: it acts
+    in every flight). What the compiled tracker is handed is one or more of these, each made of granules and air:
     ``acceleration`` (n, 2) m/s2, a constant acceleration, also of the gravity (2,) m/s2 in force;
     ``inertia`` (n,), the share chi of a granule's mass that the air adds to it;
     ``factors``, by the name of the kernel's slot (n,): of compiled accelerations, which that inertia divides;
@@ -298,14 +281,14 @@ class Force:
     means: str
     source: str
     needs: Needs = "air"
-    bound: Bound | None = None
+    bound: Bound = ALWAYS
     computed: bool = True  # False: only bounded
     calm: bool = False  # acts in uniform air without turbulence too
     turns: bool = False  # acts on granules that can spin only
     random: bool = False  # draws random numbers
     effort: float = 0.0  # run time that it adds to a flight, over that of a flight with drag and weight alone
     by_gradient: bool = False  # the kernel computes it from the gradient of the air's velocity
-    acceleration: Callable[[Grains, AirProperties | None, Array], Array] = lambda grains, *_: np.zeros((len(grains), 2))
+    acceleration: Callable[[Grains, AirProperties, Array], Array] = lambda grains, *_: np.zeros((len(grains), 2))
     inertia: Callable[[Grains, AirProperties], Array] = lambda grains, _: np.zeros(len(grains))
     factors: Callable[[Grains, AirProperties], Slots] = lambda *_: {}
     constants: Callable[[Grains, AirProperties], Slots] = lambda *_: {}
@@ -317,20 +300,12 @@ class Force:
     @property
     def always(self) -> bool:
         """Whether it acts in every flight: nothing bounds what leaving it out would do."""
-        return self.bound is None
+        return self.bound is ALWAYS
 
     @property
     def in_vacuum(self) -> bool:
         """Whether it acts where there is no air."""
         return self.needs == "nothing"
-
-    def lacks(self, field: Field) -> str:
-        """What ``field`` lacks for it, in words; empty where it has all."""
-        if self.needs == "pressure" and field.pressure is None and field.given_gradient is None:
-            return "a field with pressure"
-        if self.needs == "turbulence" and (field.k is None or field.dissipation is None):
-            return "a field with k and dissipation; a laminar airflow has none"
-        return ""
 
     def blocked(self, *, laminar: bool, point_mass: bool) -> str:
         """Why it cannot be computed for granules in a laminar airflow, or that are point masses; empty where it can."""

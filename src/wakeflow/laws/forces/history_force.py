@@ -103,14 +103,16 @@ def memories_of(
     Levenspiel's law, to which their ``scale`` is calibrated. The granule's own time is t*, or tau_S where that is less
     (slow, fine or light granules): what the air did more than 150 such times ago is forgotten.
     """
-    own, whole, late = _passing(diameter, density, scale, air_density, viscosity, sphericity)
-    return own, whole[:, None] * _weights(late)
+    unit, whole, late = _passing(diameter, density, scale, air_density, viscosity, sphericity)
+    return unit, whole[:, None] * _weights(late)
 
 
 def _passing(
     diameter: Array, density: Array, scale: Array, air_density: float, viscosity: float, sphericity: Array | float
 ) -> tuple[Array, Array, Array]:
-    """Of granules (n,) their own time (s), what all weights are multiplied by (1/s), and c of :func:`_weights`."""
+    """The time of granules (n,) that their memories are given over (s), what all weights are multiplied by (1/s), and c
+    of :func:`_weights`.
+    """
     kinematic, radius = viscosity / air_density, 0.5 * diameter
     flat = np.broadcast_to(np.asarray(sphericity) < 1.0, np.shape(diameter))
     shape, speed = np.broadcast_to(sphericity, np.shape(diameter)), np.zeros(np.shape(diameter))
@@ -123,8 +125,8 @@ def _passing(
     late = np.sqrt(math.pi / 16.0) * (reynolds / (0.75 + 0.105 * reynolds)) ** 1.5  # of t nu / a^2 in the kernel
     with np.errstate(divide="ignore"):
         turns = (math.pi**0.25 / late) ** (4.0 / 3.0)  # t* nu / a^2; infinite without slip
-    own = np.minimum(turns * viscous, stokes)
-    return own, 1.0 / (stokes * np.sqrt(math.pi * own / viscous)), (own / viscous / turns) ** 0.75
+    unit = np.minimum(turns * viscous, stokes)
+    return unit, 1.0 / (stokes * np.sqrt(math.pi * unit / viscous)), (unit / viscous / turns) ** 0.75
 
 
 def _of(grains: Grains, air: AirProperties) -> tuple[Array, Array, Array, float, float, Array]:
@@ -146,8 +148,8 @@ def _constants(grains: Grains, air: AirProperties) -> Slots:
 
 def _memory(granule: Granule) -> tuple[tuple[float, float], ...]:
     diameter, density, scale = (np.array([x]) for x in (granule.diameter, granule.density, granule.drag_scale))
-    own, weights = memories_of(diameter, density, scale, granule.air_density, granule.viscosity, granule.sphericity)
-    return tuple(zip((own[0] * MEMORIES).tolist(), weights[0].tolist(), strict=True))
+    unit, weights = memories_of(diameter, density, scale, granule.air_density, granule.viscosity, granule.sphericity)
+    return tuple(zip((unit[0] * MEMORIES).tolist(), weights[0].tolist(), strict=True))
 
 
 # -- what leaving it out could move ------------------------------------------------------------------------------------

@@ -12,8 +12,8 @@ from ...air.field.flow import vorticity
 from ...air.kinds.airflow_table import momentum_of
 from ...core.errors import known
 from ...core.geometry import along
-from .. import canvas
-from ..air_pictures import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines, window_round_body
+from .. import air_pictures, canvas
+from ..air_pictures import SUCTION_LEVEL, TOUCHING, as_flown, frozen, pressure_coefficient, trace_streamlines
 from ..canvas import COLOURS, INK, MM, TALLEST, PlotGrid, Window, save
 from ..outcome import add_figure
 
@@ -47,7 +47,7 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
         raise ValueError("the pressure picture needs a field with pressure and a scene with air")
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
-    window = window_round_body(scene, airflow)
+    window = air_pictures.window_round_body(scene, airflow)
     figure, axes, _ = canvas.canvas(window, paper)
     mesh = canvas.triangulation(mean)
     levels, limit = _cp_levels(cp[canvas.inside_window(mean.points, window)])
@@ -76,7 +76,7 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
 def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
     cd, reynolds = known(airflow.cd), known(airflow.reynolds)
     number = f"{reynolds:.0f}" if reynolds >= 100 else f"{reynolds:.3g}"
-    interval = "" if cd.low is None else f" ({cd.low:.3f} to {cd.high:.3f})"
+    interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
     what = "Mean pressure and streamlines" if in_time else "Pressure and streamlines"
     return f"{what}\n{airflow.rung}, {airflow.verdict};  Re = {number};  $C_D$ = {cd.value:.3f}{interval}"
 
@@ -110,16 +110,16 @@ def _zones(axes: Axes, grid: PlotGrid, scene: Scene, window: Window, numbers: Ma
     ahead = y > np.mean(upstream * outline[:, 1])
     shade = (y < np.min(upstream * outline[:, 1])) & (np.abs(x) < width / 2)  # right behind the body
     pressed = np.where(ahead & (np.abs(x) < width) & (cp > PRESSING_LEVEL), cp, -np.inf)
-    found: dict[str, tuple[Any, float]] = {}  # the cell that a name points to, and which way the name is moved
+    places: dict[str, tuple[Any, float]] = {}  # the cell that a name points to, and which way the name is moved
     if np.isfinite(pressed).any():
-        found["pressing zone"] = np.unravel_index(np.argmax(pressed), pressed.shape), upstream
+        places["pressing zone"] = np.unravel_index(np.argmax(pressed), pressed.shape), upstream
     low = shade & (cp < SUCTION_LEVEL)
     if not low.any():
         low = ~ahead & (cp < SUCTION_LEVEL)
     if low.any():  # its deeper half: in a narrow channel the zone itself may reach far downstream
         sucked = np.argwhere(low & (cp <= 0.5 * (SUCTION_LEVEL + cp[low].min())))
-        found["suction zone"] = sucked[np.argmin(np.sum((sucked - np.median(sucked, axis=0)) ** 2, axis=1))], -upstream
-    for name, ((i, j), way) in found.items():
+        places["suction zone"] = sucked[np.argmin(np.sum((sucked - np.median(sucked, axis=0)) ** 2, axis=1))], -upstream
+    for name, ((i, j), way) in places.items():
         _callout(axes, numbers.get(name, "") + name, (grid.x[j], grid.y[i]), 0.7 * way * width, window)
 
 
@@ -178,9 +178,10 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     """Draw the vorticity times D / U round the first body: of a field in time at its first moment and in the mean."""
     from matplotlib.ticker import MaxNLocator
 
-    window = window_round_body(scene, airflow)
-    now = {} if field.times is None else {f"at {1e3 * float(field.times[0]):.3g} ms of the loop": _first(field)}
-    shown = {**now, "mean": as_flown(field.mean(), scene)}
+    window = air_pictures.window_round_body(scene, airflow)
+    first = [] if field.times is None else [float(field.times[0])]
+    shown = {f"at {1e3 * time:.3g} ms of the loop": frozen(field, time) for time in first}
+    shown["mean"] = as_flown(field.mean(), scene)
     scaled = {name: vorticity(one) * scene.width / scene.airstream.speed for name, one in shown.items()}
     here = canvas.inside_window(field.points, window)
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
@@ -208,15 +209,6 @@ def _strong(size: Array, area: Array) -> float:
     order = np.argsort(size)
     reached = np.cumsum(area[order])
     return float(size[order][np.searchsorted(reached, FULL * reached[-1])])
-
-
-def _first(field: FlowField) -> FlowField:
-    """A field in time as it is at its first moment."""
-    from dataclasses import replace
-
-    weights = field.weights(float(field.time_axis.times[0]))
-    still = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
-    return replace(still, times=None, period=None, coefficients=None, truncation=None)
 
 
 def air_of(outcome: AirAndTracks) -> Air:

@@ -29,13 +29,13 @@ APART = 0.2  # rows between the intervals of one tray
 NOTHING = 0.02  # of a share: trays that neither hold more than that of it are not drawn, if others are
 
 
-def draw_measured(paper: Paper, found: Agreement, after: Sequence[Number] = ()) -> Axes:
+def draw_measured(paper: Paper, agreement: Agreement, after: Sequence[Number] = ()) -> Axes:
     """Draw a row a tray: the computed share and the measured one, and where there was a calibration the share
     ``after`` it, each with its 95 % interval.
     """
-    shown = [i for i, tray in enumerate(found.trays) if max(tray.measured.high, tray.computed.high) > NOTHING]
-    shown = shown or list(range(len(found.trays)))
-    trays = [found.trays[i] for i in shown]
+    shown = [i for i, tray in enumerate(agreement.trays) if max(tray.measured.high, tray.computed.high) > NOTHING]
+    shown = shown or list(range(len(agreement.trays)))
+    trays = [agreement.trays[i] for i in shown]
     figure = new_figure(6.4, 1.5 + TRAY_ROW * len(trays), paper)
     axes: Axes = figure.add_subplot()
     lines = [("computed", BEFORE, "s", [tray.computed for tray in trays]),
@@ -53,13 +53,13 @@ def draw_measured(paper: Paper, found: Agreement, after: Sequence[Number] = ()) 
     axes.set_xlabel("share (%) with its 95 % interval")
     axes.grid(axis="x", color="#dddddd", linewidth=0.5)
     axes.legend(fontsize=7, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
-    save(figure, paper, _columns(found))
+    save(figure, paper, _columns(agreement))
     return axes
 
 
-def _columns(found: Agreement) -> dict[str, ArrayLike]:
-    table: dict[str, ArrayLike] = {"tray": [tray.about for tray in found.trays]}
-    for head, cells in found.cells().columns().items():
+def _columns(agreement: Agreement) -> dict[str, ArrayLike]:
+    table: dict[str, ArrayLike] = {"tray": [tray.about for tray in agreement.trays]}
+    for head, cells in agreement.cells().columns().items():
         if head not in ("fraction", "bin"):
             table[head] = cells
     return table
@@ -100,10 +100,10 @@ def draw_tornado(paper: Paper, panels: Mapping[str, Sequence[InputMove]]) -> NDA
 def _panel(axes: Axes, name: str, moves: Sequence[InputMove]) -> None:
     part = moves[0].is_part
     scale, unit = (100.0, "percentage points") if part else (1.0, moves[0].measure)
-    heads = [one.key for one in moves]
+    heads = [move.key for move in moves]
     for end, (colour, _) in ENDS.items():
-        changes = [scale * (getattr(one, end) or 0.0) for one in moves]
-        errors = [scale * (one.error or 0.0) if getattr(one, end) is not None else 0.0 for one in moves]
+        changes = [scale * (getattr(move, end) or 0.0) for move in moves]
+        errors = [scale * (move.error or 0.0) if getattr(move, end) is not None else 0.0 for move in moves]
         shades = [FAINT if error >= abs(change) else colour for change, error in zip(changes, errors, strict=True)]
         axes.barh(heads, changes, color=shades, height=0.62)
         for head, change, error, shade in zip(heads, changes, errors, shades, strict=True):
@@ -168,13 +168,13 @@ def draw_cost(paper: Paper, budget: Sequence[BudgetRow]) -> NDArray[np.object_]:
 
 def _errors(budget: Sequence[BudgetRow]) -> dict[str, np.ndarray]:
     """The errors of all shares by source, those that are zero in every one left out."""
-    found: dict[str, list[float]] = {}
+    errors: dict[str, list[float]] = {}
     for row in condensed(budget):
         if row.measure == SHARE_UNIT:
             for part in row.parts:
                 if part.error is not None:
-                    found.setdefault(part.source, []).append(part.error)
-    return {name: np.array(values) for name, values in found.items() if max(values) > MIN_ERROR}
+                    errors.setdefault(part.source, []).append(part.error)
+    return {name: np.array(values) for name, values in errors.items() if max(values) > MIN_ERROR}
 
 
 def _moves(outcome: Outcome) -> tuple[object, ...]:

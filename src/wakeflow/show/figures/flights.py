@@ -131,7 +131,7 @@ def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: S
     """How long (s) each of the tracks is in the suction zone: where ``cp`` (N,), the pressure coefficient at the nodes,
     is below its border in a triangle that has a node of the ``zone`` (N,), looked up every ``step`` (m).
     """
-    found = np.zeros(len(tracks))
+    seconds = np.zeros(len(tracks))
     for number, path in enumerate(map(Path2D.of, tracks)):
         moments = path.moments(step)
         middle, _ = path.at(0.5 * (moments[1:] + moments[:-1]))
@@ -141,8 +141,8 @@ def times_in_zone(mean: FlowField, cp: Array, zone: NDArray[np.bool_], tracks: S
         met = triangle >= 0
         level = np.einsum("nk,nk->n", mean.barycentric(triangle[met], middle[met]), cp[corner[met]])
         inside[met] = (level < SUCTION_LEVEL) & zone[corner[met]].any(axis=1)
-        found[number] = float(np.diff(moments)[inside].sum())
-    return found
+        seconds[number] = float(np.diff(moments)[inside].sum())
+    return seconds
 
 
 def draw_residence(
@@ -158,22 +158,21 @@ def draw_residence(
     with_tracks = canvas.foremost(scene, [name for name, part in tracks.items() if part])
     times = {name: times_in_zone(mean, cp, zone, tracks[name], STEP * scene.width) for name in with_tracks}
     axes, colours = canvas.new_axes(6.4, 3.9, paper), canvas.fraction_colours(list(scene.fraction))
-    for name, found in times.items():
-        stays = np.sort(found)
+    for name, stay in times.items():
+        stays = np.sort(stay)
         share = 100.0 * (1.0 - np.arange(len(stays) + 1) / len(stays))
         axes.stairs(share, 1e3 * np.concatenate([[0.0], stays, [stays[-1]]]), baseline=None, color=colours[name],
-                    linewidth=1.6, label=f"{name}: {_told(found)}")  # fmt: skip
+                    linewidth=1.6, label=f"{name}: {_stay_words(stay)}")  # fmt: skip
     axes.set_xlim(left=0.0)
     axes.set_ylim(0.0, 102.0)
     axes.set_xlabel("time in the suction zone (ms)")
     axes.set_ylabel("share of the tracks that stay longer (%)")
     axes.grid(color="#dddddd", linewidth=0.5)
-    across = airflow.suction is not None and airflow.suction.spans(scene.channel.width)
     axes.legend(
-        title=SPANS if across else None, title_fontsize=7.5, alignment="left", fontsize=7.5,
-        frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0),
+        title=SPANS if airflow.suction.spans(scene.channel.width) else None, title_fontsize=7.5, alignment="left",
+        fontsize=7.5, frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0),
     )  # fmt: skip
-    sizes = [len(found) for found in times.values()]
+    sizes = [len(stay) for stay in times.values()]
     save(axes.figure, paper, {
         "fraction": np.repeat(list(times), sizes),
         "track": np.concatenate([np.arange(size) for size in sizes]),
@@ -182,7 +181,7 @@ def draw_residence(
     return axes
 
 
-def _told(times: Array) -> str:
+def _stay_words(times: Array) -> str:
     """``"94 % of 48 tracks, median 23 (21 to 26) ms"``: order statistics bound the median without any law of times."""
     from scipy.stats import binom
 

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from ...answer.shares import LandingResults, PartitionCurve, Separation
+    from ...answer.shares import PartitionCurve, Separation
+    from ...core.number import Number
     from ...scene import Scene
     from ..canvas import Paper
     from ..outcome import Landed, Outcome
@@ -68,9 +69,9 @@ def draw_landing(
     colours = fraction_colours(names)
     cells: list[tuple[object, ...]] = []  # of all panels, one below the other
     for row, name in enumerate(names):
-        found = separation.fractions[name]
+        landed = separation.fractions[name]
         shares = {place: f"{percent(row).partition(' ')[0]} %".replace(f"{UNKNOWN_ERROR} %", UNKNOWN_ERROR)
-                  for place, row in found.items()}  # fmt: skip
+                  for place, row in landed.items()}  # fmt: skip
         peak = 0.0
         for axes, wall in zip(panels[row], walls, strict=True):
             edges, share = _histogram(wall, scene, landings[name])
@@ -89,8 +90,8 @@ def draw_landing(
         _name_bins(axes, wall, scene, wide)
     for axes, wall in zip(panels[-1], walls, strict=True):
         axes.set_xlabel(wall.title)
-    told = of_all(names, landings)
-    figure.suptitle(f"Where each fraction lands: percent of its mass{told}; curves: percent per cm", fontsize=TEXT_SIZE)
+    some = of_all(names, landings)
+    figure.suptitle(f"Where each fraction lands: percent of its mass{some}; curves: percent per cm", fontsize=TEXT_SIZE)
     heads = ("fraction", "wall", "from (m)", "to (m)", "share of its mass (%)")
     columns = (np.concatenate(column) for column in zip(*cells, strict=True))
     save(figure, paper, dict(zip(heads, columns, strict=True)))
@@ -191,8 +192,8 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
             reach = np.array([share - low, high - share])
             axes.errorbar(at, share, reach, fmt="none", ecolor=colour, elinewidth=0.7, alpha=0.5)
             axes.plot(at, share, ":", lw=0.9, color=colour, zorder=1)
-            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_told(curve, scale, unit))
-            if curve.cut is not None and curve.cut.value is not None:
+            axes.plot([], [], "o-", ms=3, lw=1.2, color=colour, label=_cut_words(curve, scale, unit))
+            if curve.cut is not None:
                 axes.plot([scale * curve.cut.value] * 2, [0.0, 50.0], ":", color=colour, linewidth=1.0)
         for level in (25.0, 50.0, 75.0):
             axes.axhline(level, color="#9aa3ad", linewidth=0.5, zorder=0)
@@ -207,15 +208,15 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
 
 def _product_colours(scene: Scene, curves: Sequence[PartitionCurve]) -> dict[tuple[str, ...], str]:
     """That of the fraction which should land in a product; of a bin that is nobody's target one of its own."""
-    own = fraction_colours(list(scene.fraction))
-    wanted = {fraction.targets: own[name] for name, fraction in scene.fraction.items()}
+    colours = fraction_colours(list(scene.fraction))
+    wanted = {fraction.targets: colours[name] for name, fraction in scene.fraction.items()}
     products = list(dict.fromkeys(curve.product for curve in curves))
     return {product: wanted.get(product, COLOURS[i % len(COLOURS)]) for i, product in enumerate(products)}
 
 
-def _told(curve: PartitionCurve, scale: float, unit: str) -> str:
+def _cut_words(curve: PartitionCurve, scale: float, unit: str) -> str:
     name = " or ".join(curve.product)
-    if curve.cut is None or curve.cut.value is None:
+    if curve.cut is None:
         return f"{name}: {curve.why}"
     sharp = "" if curve.ep is None else f", Ep {scale * curve.ep:.3g} {unit}, I {curve.imperfection:.2g}"
     return f"{name}: cut {scale * curve.cut.value:.3g} {unit}{sharp}"
@@ -224,7 +225,7 @@ def _told(curve: PartitionCurve, scale: float, unit: str) -> str:
 def _curve_columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:
     sizes = [len(curve.at) for curve in curves]
     names = (" or ".join(curve.product) for curve in curves)
-    found: dict[str, ArrayLike] = {
+    table: dict[str, ArrayLike] = {
         "product": np.repeat(list(names), sizes),
         "by": np.repeat([curve.by for curve in curves], sizes),
         "unit": np.repeat([curve.unit for curve in curves], sizes),
@@ -233,20 +234,26 @@ def _curve_columns(curves: Sequence[PartitionCurve]) -> dict[str, ArrayLike]:
         ("value", "at"), ("mass of the feed (1)", "mass"), ("share (1)", "share"), ("low (1)", "low"),
         ("high (1)", "high"),
     ):  # fmt: skip
-        found[head] = np.concatenate([np.array(getattr(curve, key)) for curve in curves])
-    return found
+        table[head] = np.concatenate([np.array(getattr(curve, key)) for curve in curves])
+    return table
 
 
 MARKERS = "<>^vsDPX*"
 MIN_SHARE = 1e-3  # a share that is smaller in every wake is not drawn
 ROW = 0.3  # inches
+Bracket = Mapping[str, Mapping[str, Mapping[str, float]]]  # shares by fraction, bin and wake
 
 
-def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[np.object_]:
-    """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar."""
-    rows = _wake_rows(scene, landings)
+def draw_wakes(
+    paper: Paper, scene: Scene, bracket: Bracket, shares: Mapping[str, Mapping[str, Number]]
+) -> NDArray[np.object_]:
+    """Draw a panel a fraction and a row a bin: a mark a wake, and the answer with its 95 % interval as a bar.
+
+    ``bracket``: the shares in each wake; ``shares``: the answer's, by fraction and bin.
+    """
+    rows = _wake_rows(scene, bracket, shares)
     panels = foremost(scene, list(dict.fromkeys(name for name, _ in rows)))
-    wakes = list(dict.fromkeys(wake for _, _, wake in _marks(landings)))
+    wakes = list(dict.fromkeys(wake for _, _, wake in _marks(bracket)))
     counts = [sum(name == one for one, _ in rows) for name in panels]
     figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels), paper)
     grid: NDArray[np.object_] = figure.subplots(
@@ -256,14 +263,13 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
     for axes, name in zip(grid, panels, strict=True):
         places = [place for one, place in rows if one == name]
         for level, place in enumerate(places):
-            share = landings.separation.fractions[name][place]
+            share = shares[name][place]
             ends = [100 * (share.high - share.low)], [100 * share.low]
             axes.barh([level], ends[0], left=ends[1], height=0.55, color=colours[name], alpha=0.35)
             axes.plot([100 * share.value] * 2, [level - 0.28, level + 0.28], color=colours[name], linewidth=2.5)
             for marker, wake in zip(MARKERS, wakes, strict=False):
-                found = landings.bracket[name][place].get(wake)
-                if found is not None:
-                    axes.plot([100 * found], [level], marker, ms=5, mfc="white", mec=INK, mew=0.9)
+                if wake in bracket[name][place]:
+                    axes.plot([100 * bracket[name][place][wake]], [level], marker, ms=5, mfc="white", mec=INK, mew=0.9)
         axes.set_yticks(range(len(places)), places, fontsize=8)
         axes.set_ylim(len(places) - 0.5, -0.5)
         axes.set_title(name, fontsize=9, loc="left")
@@ -273,33 +279,34 @@ def draw_wakes(paper: Paper, scene: Scene, landings: LandingResults) -> NDArray[
     grid[0].legend(fontsize=7, frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
     grid[-1].set_xlim(-1.0, 101.0)
     grid[-1].set_xlabel("share of the fraction's mass (%)")
-    save(figure, paper, _wake_columns(landings))
+    save(figure, paper, _wake_columns(bracket))
     return grid
 
 
-def _marks(landings: LandingResults) -> list[tuple[str, str, str]]:
+def _marks(bracket: Bracket) -> list[tuple[str, str, str]]:
     """Fraction, bin and wake of every share that was flown in another wake."""
-    every = landings.bracket.items()
-    return [(name, place, wake) for name, places in every for place, found in places.items() for wake in found]
+    return [
+        (name, place, wake) for name, places in bracket.items() for place, shares in places.items() for wake in shares
+    ]
 
 
-def _wake_rows(scene: Scene, landings: LandingResults) -> list[tuple[str, str]]:
+def _wake_rows(scene: Scene, bracket: Bracket, shares: Mapping[str, Mapping[str, Number]]) -> list[tuple[str, str]]:
     """Fractions and bins that some of the fraction lands in, bins from left to right."""
     bins = [*bins_across(scene), "elsewhere"]
     return [
         (name, place)
-        for name, places in landings.bracket.items()
+        for name, places in bracket.items()
         for place in bins
-        if max([*places.get(place, {}).values(), landings.separation.fractions[name][place].value]) > MIN_SHARE
+        if max([*places.get(place, {}).values(), shares[name][place].value]) > MIN_SHARE
     ]
 
 
-def _wake_columns(landings: LandingResults) -> dict[str, ArrayLike]:
-    marks, bracket = _marks(landings), landings.bracket
+def _wake_columns(bracket: Bracket) -> dict[str, ArrayLike]:
+    marks = _marks(bracket)
     heads = ("fraction", "bin", "wake")
-    found: dict[str, ArrayLike] = {head: [mark[i] for mark in marks] for i, head in enumerate(heads)}
-    found["share (%)"] = 100.0 * np.array([bracket[name][place][wake] for name, place, wake in marks])
-    return found
+    table: dict[str, ArrayLike] = {head: [mark[i] for mark in marks] for i, head in enumerate(heads)}
+    table["share (%)"] = 100.0 * np.array([bracket[name][place][wake] for name, place, wake in marks])
+    return table
 
 
 def _landings(outcome: Outcome) -> tuple[object, ...]:
@@ -315,7 +322,9 @@ def _curves(outcome: Outcome) -> tuple[object, ...]:
 
 def _in_wakes(outcome: Outcome) -> tuple[object, ...]:
     landings = outcome.result.landings
-    return () if landings is None or not landings.bracket else (outcome.scene, landings)
+    if landings is None or not landings.bracket:
+        return ()
+    return outcome.scene, landings.bracket, landings.separation.fractions
 
 
 add_figure("landing", "Where the mass of each fraction lands.", draw_landing, _landings, always=True)

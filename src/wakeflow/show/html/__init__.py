@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from .report_page import render, write_html
+from .pages import render, write_html
 
 __all__ = ["render", "write_html"]

@@ -24,8 +24,7 @@ from ..plan_words import UNITS
 from ..words import NO_VALUE
 
 if TYPE_CHECKING:
-    from ...air.kinds.airflow_table import Airflow, MeshReport
-    from ...planning.feed_funnel import FunnelSummary
+    from ...answer.result import Result
 
 # tables that the page tells in other places
 ELSEWHERE = ("fraction", "numerics", "picture", "uncertainty", "force", "report", "limit", "price")
@@ -75,13 +74,15 @@ def machine_rows(scene: Scene) -> list[tuple[str, str]]:
 
 
 def input_text(key: str, value: object) -> str:
-    """A value of a key of the scene with its unit, as machines are described."""
+    """A value of a key of the scene with its unit, as machines are described; a dash where there is none."""
     with speaking(UNITS):
         return _said(key, value)
 
 
 def _said(key: str, value: object) -> str:
     unit = unit_of(key)
+    if value is None:
+        return NO_VALUE
     if isinstance(value, list) and (len(value) > MAX_LISTED or any(isinstance(one, list) for one in value)):
         return f"{len(value)} values"
     if isinstance(value, list):
@@ -98,9 +99,9 @@ def material_rows(scene: Scene) -> list[MaterialRow]:
 
 
 def _material(name: str, fraction: Fraction) -> Iterator[MaterialRow]:
-    own = fraction.properties
+    properties = fraction.properties
     for key, (quantity, unit) in QUANTITIES.items():
-        value = getattr(own, key)
+        value = getattr(properties, key)
         if value is None or (value == 0.0 and key.startswith(("rebound", "tangential"))):
             continue
         yield MaterialRow(name, quantity, _property(value, unit), *fraction.evidence(key))
@@ -119,17 +120,17 @@ def _length(value: float, unit: str) -> str:
     return f"{1e6 * value:.4g} µm" if small else say(value, unit, 4).replace("^3", "³")
 
 
-def scene_in_full(scene: Scene, asked: Request | None = None) -> str:
-    """The scene as TOML in SI units with every default that was used, and what was ``asked`` beside it, as --rung or
+def scene_in_full(scene: Scene, request: Request | None = None) -> str:
+    """The scene as TOML in SI units with every default that was used, and what was ``request`` beside it, as --rung or
     --force; loading it gives a scene that computes the same.
     """
     import tomlkit
 
     tables = json.loads(scene.model_dump_json(exclude_none=True, by_alias=True))
-    if asked is not None:
-        beside = {"rung": asked.rung, "target_error": asked.target_error}
+    if request is not None:
+        beside = {"rung": request.rung, "target_error": request.target_error}
         tables["numerics"].update({key: value for key, value in beside.items() if value is not None})
-        tables["force"] = {**tables.get("force", {}), **asked.force}
+        tables["force"] = {**tables.get("force", {}), **request.force}
     return tomlkit.dumps(_rounded(tables))
 
 
@@ -172,35 +173,37 @@ SHOWN = {  # a unit as the page writes it, and how many of it are one
 }  # fmt: skip
 
 
-def airflow_rows(airflow: Airflow | None, mesh: MeshReport | None) -> list[tuple[str, ...]]:
+def airflow_rows(result: Result) -> list[tuple[str, ...]]:
     """(name, value with interval, unit) of what was measured in the air; nothing for what is not known."""
+    airflow = result.airflow
     if airflow is None:
         return []
     return [
-        *_told("", AIRFLOW, airflow),
-        *_told("suction zone, ", SUCTION, airflow.suction),
-        *_told("the paper's momentum model, ", ("cp_front", "cd"), airflow.momentum),
-        *_told("mesh, ", ("min_angle", "max_aspect"), mesh),
-        *_told("mesh, ", ("non_orthogonality", "skewness"), airflow.mesh),
-        *_told("divergence of the tracker's field, |div u| h / U, ", ("rms", "max"), airflow.divergence),
-        *_told("time-resolved field, ", ("modes", "velocity", "pressure"), airflow.truncation),
+        *_cells("", AIRFLOW, airflow),
+        *_cells("suction zone, ", SUCTION, airflow.suction),
+        *_cells("the paper's momentum model, ", ("cp_front", "cd"), airflow.momentum),
+        *_cells("mesh, ", ("min_angle", "max_aspect"), result.mesh),
+        *_cells("mesh, ", ("non_orthogonality", "skewness"), airflow.mesh),
+        *_cells("divergence of the tracker's field, |div u| h / U, ", ("rms", "max"), airflow.divergence),
+        *_cells("time-resolved field, ", ("modes", "velocity", "pressure"), airflow.truncation),
     ]
 
 
-def end_rows(airflow: Airflow | None) -> list[tuple[str, ...]]:
+def end_rows(result: Result) -> list[tuple[str, ...]]:
     """(name, steady, best estimate, time-resolved, unit) of what a best estimate lies between; nothing without one."""
+    airflow = result.airflow
     if airflow is None or airflow.ends is None:
         return []
     beside = (airflow.ends.steady, airflow, airflow.ends.time_resolved)
-    return [*_told("", ENDS, *beside), *_told("suction zone, ", SUCTION, *(record.suction for record in beside))]
+    return [*_cells("", ENDS, *beside), *_cells("suction zone, ", SUCTION, *(record.suction for record in beside))]
 
 
-def funnel_rows(funnel: FunnelSummary | None) -> list[tuple[str, ...]]:
+def funnel_rows(result: Result) -> list[tuple[str, ...]]:
     """(name, value with interval, unit) of the feed funnel; nothing without one."""
-    return list(_told("", FUNNEL, funnel))
+    return list(_cells("", FUNNEL, result.funnel))
 
 
-def _told(about: str, names: Sequence[str], *records: object) -> Iterator[tuple[str, ...]]:
+def _cells(about: str, names: Sequence[str], *records: object) -> Iterator[tuple[str, ...]]:
     """(what it is, a value of each record, unit) of every column in ``names`` that all of the records have."""
     if not all(records):
         return
@@ -225,11 +228,11 @@ def measured_text(value: str | float | Number | Sequence[float], scale: float) -
     return " to ".join(number(member * scale) for member in value)
 
 
-def _interval(found: Number, scale: float) -> str:
-    text = number(found.value * scale) if math.isfinite(found.value) else NO_VALUE
-    if not found.known:
+def _interval(measured: Number, scale: float) -> str:
+    text = number(measured.value * scale) if math.isfinite(measured.value) else NO_VALUE
+    if not measured.known:
         return text
-    return f"{text} ({number(found.low * scale)} to {number(found.high * scale)})"
+    return f"{text} ({number(measured.low * scale)} to {number(measured.high * scale)})"
 
 
 def number(value: float | None) -> str:

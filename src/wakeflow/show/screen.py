@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
-    from ..show.words import WordTable
+    from .words import WordTable
 
 
 MAX_WARNINGS = 3  # on screen; the rest is in the report
@@ -26,7 +26,8 @@ def plain(words: str | Text, style: str = "") -> Text:
 
     if isinstance(words, Text):
         return words
-    return Text("".join(one if one.isprintable() or one == "\n" else repr(one)[1:-1] for one in words), style)
+    shown = (letter if letter.isprintable() or letter == "\n" else repr(letter)[1:-1] for letter in words)
+    return Text("".join(shown), style)
 
 
 def screen_table(
@@ -105,6 +106,11 @@ def warn(warnings: Sequence[str], grades: Sequence[str], most: int = MAX_WARNING
         console.print(plain(f"! {grade}: {line}"), style=style)
     if len(warnings) > most:
         console.print(f"! and {len(warnings) - most} more: report.html, or --json", highlight=False)
+
+
+def counted(number: int, what: str) -> str:
+    """``"2 scenes"``: so many of something."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def has_screen() -> bool:

@@ -1,4 +1,9 @@
-"""The command of proofs: verify."""
+"""Proof: the error of a scene against its run time, what happens at the ends of what can be asked for, and all else.
+
+Comes in: a scene file, or the name of a proof.
+Goes out: the reports of a checkout's room of proofs (``tests/proofs``), which needs no installation of its own.
+May call it: the command line.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +13,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from ...cli.options import AsJson
-from ...core.errors import SceneError
+from ..cli.options import AsJson
+from ..core.errors import SceneError
 
-TESTS = Path(__file__).parents[4] / "tests"
+TESTS = Path(__file__).parents[3] / "tests"
 
 
 def room(what: str) -> Any:
@@ -45,7 +50,7 @@ def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = Fal
     """
     from functools import partial
 
-    from ...runs.progress import live
+    from ..runs.progress import live
 
     proofs = room("verify" if what is None else f"verify {what}")
     with live(enabled=not as_json) as listener:
@@ -55,3 +60,6 @@ def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = Fal
     else:
         proofs.show(reports)
     return int(any(report.missed for report in reports.values()))  # of extremes, or a gate that is not known to fail
+
+
+COMMANDS = (f"{__name__}:verify",)

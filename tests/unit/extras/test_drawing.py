@@ -15,8 +15,8 @@ from ezdxf.layouts import Modelspace
 
 from support import shipped
 from wakeflow.core.errors import SceneError
+from wakeflow.extras.drawing import read_outline
 from wakeflow.scene import Scene
-from wakeflow.scene.drawing import read_outline
 
 SQUARE = [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)]  # mm
 

@@ -1,5 +1,5 @@
-"""What a person at a terminal sees of results: of a run its budget, the air, warnings, and last the answer; the
-dividers of a run; sweeps and comparisons.
+"""What a person at a terminal sees of results: of a run its budget, the air, warnings, and last the answer;
+sweeps and comparisons.
 """
 
 from __future__ import annotations
@@ -9,33 +9,31 @@ from dataclasses import replace
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
-from ..answer.dividers import Dividers, cut
 from ..answer.measurements import PAGE
 from ..answer.result import VOID
-from ..answer.result_table import DONE, Difference, Entry, ResultTable, is_part
+from ..answer.result_table import DONE, FAILED, Difference, Entry, ResultTable, is_part
 from ..answer.shares import SHARE_UNIT, BudgetRow, Separation, least_certain, weightiest
 from ..core.number import Number
-from ..core.quantities import duration
-from ..show import words
-from ..show.many_figures import input_words, main_quantities
-from ..show.plan_words import UNITS
-from ..show.words import NO_VALUE, difference_text, percent, quantity_text
-from .screen import plain, print_lines, print_table, screen_table, warn
+from . import words
+from .many_figures import input_words, main_quantities
+from .plan_words import UNITS
+from .screen import counted, plain, print_lines, print_table, screen_table, warn
+from .words import NO_VALUE, difference_text, percent, quantity_text
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.table import Table
     from rich.text import Text
 
     from ..answer.budget.agreement import Agreement
     from ..answer.result import Result
-    from ..many.comparison import RunComparison
-    from ..many.compute import Sweep, SweepEstimate
+    from .words import Differences
 
 HOW_TO_MEASURE = f"How to measure: {PAGE}. Write what you find as {{ value = ..., uncertainty = ... }}."
 WEIGHS, MAX_PARTS = 0.1, 4  # of the largest error of a quantity, and how many errors are reported on screen
 UNBROKEN = 1000  # letters, in which no line of a table breaks
 SHORTEST = 0.5  # s: shorter run times are not worth a word
-LEVEL = ("floor", "top")  # lines along x
 
 
 def show_result(result: Result) -> None:
@@ -88,14 +86,14 @@ def _separated(result: Result, separation: Separation, *, parted: bool) -> Table
     )
     title = f"{of}share of each fraction's mass, %{', granules colliding' if met else ''}"
     rows: list[list[str | Text]] = []
-    for one in words.bins_in_words(result, separation):
-        told = [(_parted(share) if parted else share, wanted) for share, wanted in one.shares]
-        shares = [Text(share, style="bold green" if wanted else "") for share, wanted in told]
-        purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in one.purities)
-        rows.append([one.place, *shares, one.flow, purest])
+    for row in words.bins_in_words(result, separation):
+        pairs = [(_parted(share) if parted else share, wanted) for share, wanted in row.shares]
+        shares = [Text(share, style="bold green" if wanted else "") for share, wanted in pairs]
+        purest = "\n".join(f"{name} {_parted(share)}".strip() for name, share in row.purities)
+        rows.append([row.place, *shares, row.flow, purest])
     below = [] if result.void else measure_next(result)  # more exact numbers mend no answer that is worth nothing
     first = [*words.verdict_lines(result), *words.money_lines(result)]
-    caption = "\n".join(filter(None, [*first, words.holds(result), words.in_three_dimensions(result.landings), *below]))
+    caption = "\n".join(filter(None, [*first, words.holds(result), words.in_three_dimensions(result), *below]))
     heads = ["bin", *separation.fractions, "kg/h", "purity"]
     return screen_table(heads, [*rows[: -words.SUMMED], [], *rows[-words.SUMMED :]], title, caption)
 
@@ -109,14 +107,14 @@ def measure_next(result: Result) -> list[str]:
     """What a measurement would make of each recovery and each purity of a target; without targets, on which numbers
     each fraction's least certain share depends most.
     """
-    if told := words.measurement_lines(result):
-        return [*told, HOW_TO_MEASURE]
-    told = []
+    if lines := words.measurement_lines(result):
+        return [*lines, HOW_TO_MEASURE]
+    lines = []
     for name, (place, parts) in ({} if result.landings is None else least_certain(result.landings)).items():
         if known := weightiest(parts):
             inputs = ", ".join(f"{key} {part.points}" for key, part in known)
-            told.append(f"{name} in {place} depends most on (points each): {inputs}")
-    return [*told, HOW_TO_MEASURE] if told else []
+            lines.append(f"{name} in {place} depends most on (points each): {inputs}")
+    return [*lines, HOW_TO_MEASURE] if lines else []
 
 
 def alone_table(separation: Separation, alone: Separation) -> Table:
@@ -126,7 +124,7 @@ def alone_table(separation: Separation, alone: Separation) -> Table:
         return [name, *(f"{words.percent(one)}  ({words.change_of(one, met)})" for one, met in pairs)]
 
     rows = [
-        row(place, ((alone.fractions[name][place], found[place]) for name, found in separation.fractions.items()))
+        row(place, ((alone.fractions[name][place], together[place]) for name, together in separation.fractions.items()))
         for place in separation.bins
     ]
     recoveries = row("recovery", ((alone.recovery.get(n), separation.recovery.get(n)) for n in separation.fractions))
@@ -178,41 +176,6 @@ def _bare(row: BudgetRow, error: float | None) -> str:
     return words.error_text(row, error).removesuffix(f" {row.measure}")
 
 
-def show_dividers(found: Sequence[Dividers], on: str) -> None:
-    """Print what dividers give at each purity asked; of a single one also the tables for a scene file."""
-
-    fraction, level = found[0].fraction, on in LEVEL  # places are the machine's own x there
-    rows = []
-    for one in found:
-        start = one.line[0, 0] if level else 0.0
-        places = ", ".join(f"{1e3 * (start + low):.1f} to {1e3 * (start + high):.1f}" for low, high in one.stretches)
-        judged = (
-            [words.percent(one.purity), words.percent(one.recovery)]
-            if one.possible
-            else [words.NO_VALUE, words.NO_VALUE]
-        )
-        rows.append([f"{100 * one.asked:.4g}", *judged, places or "no stretch reaches it"])
-    title = f"{fraction} on {on}, percent; judged on granules that had no part in the choice; interval: of their number"
-    heads = ("purity asked", "purity", "recovery", f"stretches ({'x in mm' if level else 'mm along the line'})")
-    print_table(heads, rows, title, left=0)
-    if len(found) > 1 or not found[0].possible:
-        return
-    stretches = enumerate(found[0].stretches, 1)
-    print_lines(f"[bin.{fraction}-{number}]\n{_as_bin(found[0], stretch, on)}" for number, stretch in stretches)
-    if (found[0].purity.high or 1.0) < found[0].asked:
-        asked = f"the {100 * found[0].asked:.4g} % asked for: ask for more, or keep more granules to choose by"
-        print_lines([f"! judged on other granules the product is less pure than {asked} with numerics.keep"], "yellow")
-
-
-def _as_bin(found: Dividers, stretch: tuple[float, float], on: str) -> str:
-    """The keys of a bin over a stretch: from and to on the floor, else the points of its line."""
-    points = cut(found.line, *stretch)
-    if on == "floor":
-        return "\n".join(f'{key} = "{1e3 * x:.5g} mm"' for key, (x, _) in zip(("from", "to"), points, strict=True))
-    ends = ", ".join(f'["{1e3 * x:.5g} mm", "{1e3 * y:.5g} mm"]' for x, y in points)
-    return f"points = [{ends}]"
-
-
 MAX_NAMED_SCENES = 5  # scenes that are named in a line
 MAX_ROWS = 50  # of a table on a terminal; all are in the file
 MAX_INPUTS = 8  # told of a quantity; all are in the file
@@ -227,28 +190,11 @@ DIFFERENCES_HOLD = (
 Column = tuple[str, ...]  # its head and its cells
 
 
-def show_estimate(estimate: SweepEstimate, workers: int) -> None:
-    """Print how many scenes there are, what they share, and the cost."""
-    before = f", {estimate.finished} finished before" if estimate.finished else ""
-    spent, alone = duration(estimate.seconds / workers), duration(estimate.seconds)
-    lines = [
-        f"{_counted(estimate.scenes, 'scene')}{before}: {_counted(estimate.airflows, 'airflow')} and "
-        f"{_counted(estimate.flights, 'flight')} to compute",
-        f"about {spent} on {_counted(workers, 'core')} ({alone} of one), {estimate.disk / 1e6:.0f} MB of disk",
-        *(f"! {name}: {reason}" for name, reason in estimate.failed.items()),
-    ]
-    print_lines(lines)
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def show_sweep(found: Sweep) -> None:
-    """Print the table of a sweep, what failed, and where everything is."""
-    show_table(found.table)
-    print_lines((f"! {name}: {reason}" for name, reason in found.failed.items()), "yellow")
-    print_lines([f"results: {found.folder}"])
+def show_sweep(table: ResultTable, folder: Path) -> None:
+    """Print the table of a sweep, what failed, and the ``folder`` where everything is."""
+    show_table(table)
+    print_lines((f"! {entry.name}: {entry.reason}" for entry in table.entries if entry.state == FAILED), "yellow")
+    print_lines([f"results: {folder}"])
 
 
 def show_table(table: ResultTable) -> None:
@@ -269,20 +215,19 @@ def show_table(table: ResultTable) -> None:
         print_table([head for head, *_ in columns], rows, title, left=0)
         title = ""
     if len(table.entries) > MAX_ROWS:
-        console.print(f"more in the file: {_counted(len(table.entries) - MAX_ROWS, 'scene')}")
+        console.print(f"more in the file: {counted(len(table.entries) - MAX_ROWS, 'scene')}")
     print_lines(_doubts(table), "yellow")
 
 
 def _doubts(table: ResultTable) -> Iterator[str]:
     """What is against the numbers of a table."""
     for caveat, names in table.caveats.items():
-        where = "every scene" if len(names) == len(table.done) > 1 else ", ".join(names[:MAX_NAMED_SCENES])
-        more = (
-            f" and {len(names) - MAX_NAMED_SCENES} more"
-            if where != "every scene" and len(names) > MAX_NAMED_SCENES
-            else ""
-        )
-        yield f"! {where}{more}: {'the answer is void' if caveat == VOID else f'intervals {caveat}'}"
+        where = ", ".join(names[:MAX_NAMED_SCENES])
+        if len(names) == len(table.done) > 1:
+            where = "every scene"
+        elif len(names) > MAX_NAMED_SCENES:
+            where += f" and {len(names) - MAX_NAMED_SCENES} more"
+        yield f"! {where}: {'the answer is void' if caveat == VOID else f'intervals {caveat}'}"
     for key in table.idle():
         yield f"! {key} changes no number here: what is left out of these scenes does not feel it"
 
@@ -294,8 +239,7 @@ def _quantity_head(table: ResultTable, name: str) -> str:
 
 
 def _inputs(table: ResultTable, entry: Entry) -> list[str]:
-    values = [entry.inputs.get(key) for key in table.inputs]
-    return [NO_VALUE if value is None else input_words(value) for value in values] or [entry.name]
+    return [input_words(entry.inputs.get(key)) for key in table.inputs] or [entry.name]
 
 
 def _cells(names: Sequence[str], entry: Entry) -> list[str]:
@@ -328,66 +272,55 @@ def _heads(table: ResultTable) -> Sequence[str]:
     return [f"{heads[key]}\n({unit})" if unit else heads[key] for key, unit in table.inputs.items()] or ["scene"]
 
 
-def show_comparison(found: RunComparison) -> None:
-    """Print what differs in the scenes, the answers, and the differences from the first run; of runs that are the same
-    computation that alone.
+def show_comparison(table: ResultTable, keys: Sequence[str], differences: Differences) -> None:
+    """Print what differs in the scenes, the answers, and the ``differences`` from the first run; of runs that are the
+    same computation, which their ``keys`` say, that alone.
     """
     from rich.console import Console
 
-    keys = [run.key for run in found.runs]
+    first, *others = (entry.name for entry in table.entries)
     if len(set(keys)) == 1:
-        print_lines([f"{' and '.join(entry.name for entry in found.table.entries)} are the same computation"])
+        print_lines([f"{' and '.join([first, *others])} are the same computation"])
         return
-    if len(found.table.inputs) > MAX_KEYS:
-        _show_keys(found.table)
-        show_table(replace(found.table, entries=[replace(one, inputs={}) for one in found.table.entries]))
+    if len(table.inputs) > MAX_KEYS:
+        _show_keys(table)
+        show_table(replace(table, entries=[replace(one, inputs={}) for one in table.entries]))
     else:
-        show_table(found.table)
-    for entry, key in list(zip(found.table.entries, keys, strict=True))[1:]:
-        if key == keys[0]:
-            print_lines([f"{entry.name} is the same computation as {found.table.entries[0].name}"])
-    first, names = found.table.entries[0].name, set(main_quantities(found.table))
-    names |= {"airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
-    others = [entry.name for entry in found.table.entries[1:]]
-    by_quantity: dict[str, dict[str, Difference]] = {}
-    for one in found.differences:
-        by_quantity.setdefault(one.quantity, {})[one.scene] = one
+        show_table(table)
+    same = [name for name, key in zip(others, keys[1:], strict=True) if key == keys[0]]
+    print_lines(f"{name} is the same computation as {first}" for name in same)
+    wanted = {*main_quantities(table), "airflow.cd", "airflow.cp_base", "airflow.pressure_drop"}
     rows = [
         [quantity, *(_difference(row[name]) if name in row else NO_VALUE for name in others)]
-        for quantity, row in by_quantity.items()
-        if quantity in names
+        for quantity, row in differences.items()
+        if quantity in wanted
     ]
-    table = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
-    Console().print(table if rows else f"no number of {first} is in another of these runs")
+    shown = screen_table(["less " + first, *others], rows, "differences", DIFFERENCES_HOLD)
+    Console().print(shown if rows else f"no number of {first} is in another of these runs")
 
 
 def _show_keys(table: ResultTable) -> None:
     """Print the keys in which scenes differ, a line each: of machines that have little in common."""
-
     table = table.read_in(UNITS)
+    cells = [[input_words(entry.inputs.get(key)) for entry in table.entries] for key in table.inputs]
     rows = [
-        [f"{key} ({unit})" if unit else key, *(_input_cell(entry.inputs.get(key)) for entry in table.entries)]
-        for key, unit in table.inputs.items()
+        [head, *(shorten(cell, LONGEST_VALUE, placeholder=" ...") for cell in row)]
+        for head, row in zip(table.headings, cells, strict=True)
     ]
     print_table(["key", *(entry.name for entry in table.entries)], rows, "what differs")
 
 
-def _input_cell(value: object) -> str:
-    return NO_VALUE if value is None else shorten(input_words(value), LONGEST_VALUE, placeholder=" ...")
+def _difference(difference: Difference) -> Text:
+    return plain(difference_text(difference), "bold" if difference.clear else "")
 
 
-def _difference(one: Difference) -> Text:
-    return plain(difference_text(one), "bold" if one.clear else "")
-
-
-def show_agreement(found: Agreement) -> None:
+def show_agreement(agreement: Agreement) -> None:
     """Print a row a tray, both shares with their 95 % intervals, and the verdict in a sentence."""
-
     rows = [
         [tray.about, percent(tray.measured), percent(tray.computed), f"{100 * tray.used:.0f}", f"{tray.pull:+.1f}"]
-        for tray in found.trays
+        for tray in agreement.trays
     ]
     heads = ["tray", "measured, %", "computed, %", "of the interval, %", "from the others, sd"]
     caption = "of the interval: the part of both 95 % intervals together that the difference takes"
     print_table(heads, rows, "measured and computed shares", caption)
-    print_lines([found.sentence])
+    print_lines([agreement.sentence])

@@ -1,28 +1,39 @@
-"""VTK's files, each whole or absent: pieces by PyVista, the indices that name them, the machine as blocks, the air."""
+"""What ParaView opens: the air in time and in the mean, the machine, tracks, granules on their way, and landings.
+
+Lengths in m, y up, z = 0; units are in the names of the arrays. Binary XML; places and values in single precision.
+Nothing is drawn here, so no OpenGL is needed.
+"""
 
 from __future__ import annotations
 
+import math
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...core.files import atomic_write
-from ..air_pictures import as_flown, at_moments, dynamic_pressure, inlet_pressure
+from ..core.files import atomic_write
+from ..core.tables import Columns
+from ..flight.stages.landings import FATES
+from .air_pictures import as_flown, at_moments, dynamic_pressure, inlet_pressure, moments_of
+from .moving import Path2D
 
 if TYPE_CHECKING:
-    from ...air.field import FlowField
-    from ...air.kinds.airflow_table import Airflow
-    from ...scene import Scene
+    from ..air.field import FlowField
+    from ..air.kinds.airflow_table import Airflow
+    from ..scene import Scene
+    from .outcome import Track
 
 Array = NDArray[np.float64]
 
+# what the functions here leave in a run's folder, besides the pieces that the indices among them name
+FILES = ("field.npz", "field.vtu", "field.pvd", "mean.vtu", "machine.vtm", "tracks.vtp", "granules.pvd", "landings.vtp")
 PIECES = {  # the program's own files in each folder
     "field": r"field_\d{4,}\.vtu",
     "granules": r"granules_\d{4,}\.vtp",
@@ -64,8 +75,10 @@ def number_by_name(data: Any, what: str, names: Iterable[str]) -> None:
 
 def pieces(folder: Path, *names: str) -> list[Path]:
     """The pieces in the folders ``names``, by default all that there are, next to their indices in ``folder``."""
-    found = ((folder / name, re.compile(PIECES[name])) for name in names or PIECES)
-    return [path for place, own in found if place.is_dir() for path in place.iterdir() if own.fullmatch(path.name)]
+    places = ((folder / name, re.compile(PIECES[name])) for name in names or PIECES)
+    return [
+        path for place, pattern in places if place.is_dir() for path in place.iterdir() if pattern.fullmatch(path.name)
+    ]
 
 
 def clear_pieces(folder: Path, *names: str) -> None:
@@ -176,7 +189,7 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
     _clear(folder)
     field.save(folder / ITSELF)
     mean = as_flown(field.mean(), scene)
-    level = None
+    level = math.nan
     if mean.pressure is not None and airflow is not None and not scene.airstream.still:
         level = inlet_pressure(mean, scene, airflow)
     steady = save_piece(_grid(mean, scene, level), folder / NAMES[0 if field.times is None else 1])
@@ -192,17 +205,17 @@ def _clear(folder: Path) -> None:
     clear_pieces(folder, "field")
 
 
-def _grid(state: FlowField, scene: Scene, level: float | None) -> Any:
-    """A steady field; ``level`` (Pa): the pressure at which Cp is zero, None without any."""
+def _grid(state: FlowField, scene: Scene, level: float) -> Any:
+    """A steady field; ``level`` (Pa): the pressure at which Cp is zero, nan without any."""
     import pyvista
 
-    from ...air.field.flow import vorticity
+    from ..air.field.flow import vorticity
 
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: state.triangles}, lifted(state.points))
     values = {"velocity (m/s)": lifted(state.velocity), "vorticity (1/s)": vorticity(state)}
     if state.pressure is not None:
         values["pressure (Pa)"] = state.pressure
-        if level is not None:
+        if math.isfinite(level):
             values["Cp"] = (state.pressure - level) / dynamic_pressure(state, scene)
     if state.k is not None:
         values["k (m2/s2)"] = state.k
@@ -211,8 +224,140 @@ def _grid(state: FlowField, scene: Scene, level: float | None) -> Any:
     known = {"density (kg/m3)": state.density, "viscosity (Pa s)": state.viscosity}
     if scene.air is not None:
         known["air speed (m/s)"] = scene.air.speed
-    if level is not None:
+    if math.isfinite(level):
         known["pressure at the inlet (Pa)"] = level
     for name, value in known.items():
         grid.field_data[name] = np.array([value])
     return grid
+
+
+# -- Granules: their tracks, where they are at each moment of the air's loop, and where they land ----------------------
+ARRIVING = "velocity before an impact (m/s)"  # at points without one the velocity
+
+
+class _Granule(NamedTuple):
+    """A track with what the scene knows of it: its fraction's place and the share of the feed that it represents."""
+
+    fraction: int
+    weight: float
+    track: Track
+
+
+def write_tracks(
+    folder: Path | str, tracks: Mapping[str, Sequence[Track]], scene: Scene, field: FlowField | None = None
+) -> Path:
+    """Write all tracks as polylines in tracks.vtp; one of a single point becomes a vertex.
+
+    ``tracks``: fraction name to what :class:`.outcome.Outcome` holds of each. In a ``field`` that repeats,
+    ``loop time (s)`` is the time in field.pvd of the air that a granule is in.
+    """
+    granules = sorted(
+        _granules(tracks, scene), key=lambda one: len(one.track["time"]) > 1
+    )  # VTK: vertices before lines
+    data = lines_of([one.track["position"] for one in granules])
+    if granules:
+        clock, velocity, arriving = (
+            np.concatenate([one.track[key] for one in granules]) for key in ("time", "velocity", "arriving")
+        )
+        sizes = [len(one.track["time"]) for one in granules]
+        born = np.array([one.track["time"][0] for one in granules])
+        points = {"time since release (s)": clock - np.repeat(born, sizes), **_moving(velocity)}
+        points[ARRIVING] = lifted(arriving)
+        if field is not None and field.period is not None:
+            points["loop time (s)"] = _loop_time(clock, field)
+        data.point_data.update({name: np.asarray(values, dtype=np.float32) for name, values in points.items()})
+        data.cell_data.update({**_columns(granules), "release (s)": born})
+    _name_numbers(data, scene)
+    return save_piece(data, Path(folder) / "tracks.vtp")
+
+
+def write_moving(
+    folder: Path | str, tracks: Mapping[str, Sequence[Track]], scene: Scene, field: FlowField | None
+) -> Path | None:
+    """Write granules.pvd: at every time of field.pvd the granules that are then on their way, as points.
+
+    A granule released at any time met the loop at that phase, so that all that are at that phase, whole loops apart,
+    are there together. None, and nothing is written, without a field that repeats and moments of it.
+    """
+    path = Path(folder) / "granules.pvd"
+    path.unlink(missing_ok=True)
+    clear_pieces(Path(folder), "granules")
+    if field is None or field.period is None or not scene.numerics.snapshots:
+        return None
+    granules = [one for one in _granules(tracks, scene) if len(one.track["time"]) > 1]
+    times = moments_of(field, scene.numerics.snapshots)
+    return save_series(path, times, (_at_phase(granules, scene, float(t), field.period) for t in times), ".vtp")
+
+
+def write_landings(folder: Path | str, granules: Track, scene: Scene) -> Path:
+    """Write where granules landed as points, landings.vtp; ``granules``: the columns of granules.npz."""
+    data = _points(granules["position"])
+    data.point_data.update({
+        "fraction": granules["fraction"], "bin": granules["bin"].astype(np.int32), "weight": granules["weight"],
+        "fate": granules["fate"].astype(np.int32), "diameter (m)": granules["diameter"],
+        "time in flight (s)": granules["time"], "impacts": granules["impacts"],
+    })  # fmt: skip
+    _name_numbers(data, scene)
+    return save_piece(data, Path(folder) / "landings.vtp")
+
+
+def _granules(tracks: Mapping[str, Sequence[Track]], scene: Scene) -> Iterator[_Granule]:
+    shares, places = scene.mass_shares(), {name: number for number, name in enumerate(scene.fraction)}
+    for name, part in tracks.items():
+        for track in part:
+            if len(track["time"]):
+                yield _Granule(places[name], shares[name] / len(part), track)
+
+
+def _columns(granules: Sequence[_Granule]) -> Columns:
+    """What is known of each granule."""
+    numbers = {key: np.array([int(one.track[key]) for one in granules], dtype=np.int32) for key in ("bin", "fate")}
+    return {
+        "fraction": np.array([one.fraction for one in granules], dtype=np.int32),
+        "diameter (m)": np.array([float(one.track["diameter"]) for one in granules]),
+        "weight": np.array([one.weight for one in granules]),
+        **numbers,
+    }
+
+
+def _moving(velocity: Array) -> Columns:
+    return {"velocity (m/s)": lifted(velocity), "speed (m/s)": np.hypot(*velocity.T)}
+
+
+def _loop_time(clock: Array, field: FlowField) -> Array:
+    begin = field.time_axis.times[0]
+    return np.asarray(begin + (clock - begin) % field.time_axis.period)
+
+
+def _at_phase(granules: Sequence[_Granule], scene: Scene, time: float, period: float) -> Any:
+    """Every granule at the moments of its flight that are whole periods (s) from ``time`` (s)."""
+    here: list[int] = []
+    clock, position, velocity = [np.zeros(0)], [np.zeros((0, 2))], [np.zeros((0, 2))]
+    for number, one in enumerate(granules):
+        born, ends = one.track["time"][[0, -1]]
+        moments = np.arange(time + period * np.ceil((born - time) / period), ends, period)
+        where, pace = Path2D.of(one.track).at(moments)
+        here += [number] * len(moments)
+        clock.append(moments - born)
+        position.append(where)
+        velocity.append(pace)
+    data = _points(np.concatenate(position))
+    if here:
+        rows = {name: values[here] for name, values in _columns(granules).items()}
+        since = {"time since release (s)": np.concatenate(clock), **_moving(np.concatenate(velocity))}
+        data.point_data.update({**rows, "track": np.array(here, dtype=np.int32), **since})
+    _name_numbers(data, scene)
+    return data
+
+
+def _points(plane: Array) -> Any:
+    """Places (n, 2) as points of their own."""
+    import pyvista
+
+    return pyvista.PolyData(lifted(plane)) if len(plane) else pyvista.PolyData()
+
+
+def _name_numbers(data: object, scene: Scene) -> None:
+    number_by_name(data, "fraction", scene.fraction)
+    number_by_name(data, "bin", scene.bin)
+    number_by_name(data, "fate", FATES)

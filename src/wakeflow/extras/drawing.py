@@ -1,26 +1,32 @@
-"""A body's outline out of a drawing: a DXF file with one closed outline of lines, polylines, arcs and curves."""
+"""A body's outline out of a drawing: a DXF file with one closed outline of lines, polylines, arcs and curves.
+
+Comes in: the name of a file, the unit of its numbers, a layer of it. Goes out: the corners of the outline.
+May call it: nobody by name; ``scene.own_files`` has the registry of drawings.
+"""
 
 from __future__ import annotations
 
 import io
 import logging
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import SceneError
 from ..core.files import own_path, read_whole
 from ..core.quantities import quantity
 from ..core.registry import did_you_mean
-from .table import Array
+from ..scene.own_files import DXF, drawings
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
     from ezdxf.entities.dxfentity import DXFEntity
 
+Array = NDArray[np.float64]
 DRAWN = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE")  # what an outline is drawn with
 SILENT = ("TEXT", "MTEXT", "DIMENSION", "POINT", "VIEWPORT", "LEADER", "MULTILEADER")  # what explains a drawing
 UNITS = {  # of $INSUNITS; others are not a machine's
@@ -175,30 +181,15 @@ class _FreeEnds:
         return math.floor(point[0] / self.near), math.floor(point[1] / self.near)
 
 
-def _only(found: tuple[list[Array], int], say: str) -> Array:
+def _only(outlines: tuple[list[Array], int], say: str) -> Array:
     """The one closed outline. Raises SceneError where there is another number, or a line beside it."""
-    closed, ends = found
+    closed, ends = outlines
     if len(closed) == 1 and not ends:
         return closed[0]
     what = f"{len(closed)} closed outlines and {ends} lines that do not close"
     raise SceneError(f"{say}: has {what}; keep one closed outline in the drawing and join its ends")
 
 
-def with_drawings(bodies: Mapping[str, object], base: Path) -> dict[str, object]:
-    """The tables of bodies, with the corners of its drawing in place of the name of one. Raises SceneError as
-    :func:`read_outline` does, with the body's name, and where a body has another shape too.
-    """
-    return {name: _drawn(name, table, base) for name, table in bodies.items()}
-
-
-def _drawn(name: str, table: object, base: Path) -> object:
-    if not isinstance(table, Mapping) or not isinstance(file := table.get("outline"), str):
-        return table
-    if table.get("shape", "polygon") != "polygon" or "points" in table:
-        raise SceneError(f"body.{name}: outline = {file!r} is its shape; delete shape and points")
-    try:
-        points = read_outline(file, base, table.get("outline_unit"), table.get("outline_layer"))
-    except SceneError as problem:
-        raise SceneError(f"body.{name}: {problem}") from None
-    others = {key: value for key, value in table.items() if key not in ("outline", "outline_unit", "outline_layer")}
-    return {"shape": "polygon", **others, "points": points}
+def register() -> None:
+    """Add the reader of a body's drawing."""
+    drawings.add(DXF, read_outline)

@@ -22,15 +22,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import SceneError
-from ..core.geometry import along, halved
-from ..core.number import Number
-from ..core.registry import did_you_mean
-from ..scene import Scene
-from ..scene.bins import SIDES
-from ..scene.overrides import share_in
-from .joint import PRODUCT
-from .result import Result, kept_granules
+from ...answer.joint import PRODUCT
+from ...answer.result import Result, kept_granules
+from ...core.errors import SceneError
+from ...core.geometry import along, halved
+from ...core.number import Number
+from ...core.registry import did_you_mean
+from ...scene import Scene
+from ...scene.bins import SIDES
+from ...scene.overrides import share_in
 
 Array = NDArray[np.float64]
 PLACES = 400  # candidates for a divider: quantiles of the landings, finer than what 2000 granules a fraction resolve
@@ -132,7 +132,7 @@ def cut(line: Array, low: float, high: float) -> list[tuple[float, float]]:
     """The points of a polyline (k, 2) between two places (m) along it: what a bin's ``points`` are."""
     at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     places = [low, *at[(at > low) & (at < high)].tolist(), high]
-    return [(float(np.interp(one, at, line[:, 0])), float(np.interp(one, at, line[:, 1]))) for one in places]
+    return [(float(np.interp(place, at, line[:, 0])), float(np.interp(place, at, line[:, 1]))) for place in places]
 
 
 def _line(scene: Scene, on: str) -> Array:
@@ -191,7 +191,7 @@ def _best_beside(gain: Array, slack: Array, others: Sequence[Stretch]) -> Stretc
         taken[low:high] = 1.0
     have = float(slack[taken > 0].sum())
     sums = [np.concatenate([[0.0], np.cumsum(part)]) for part in (gain, slack, taken)]
-    held, left, crossed = (one[None, :] - one[:, None] for one in sums)  # [low, high]
+    held, left, crossed = (sum_[None, :] - sum_[:, None] for sum_ in sums)  # [low, high]
     allowed = (left + have >= -1e-15) & (crossed == 0) & np.triu(np.ones_like(held, dtype=bool))
     value = np.where(allowed, held, -np.inf)
     if not np.isfinite(value).any():
@@ -210,8 +210,8 @@ def _start(gain: Array, slack: Array, count: int) -> list[Stretch]:
     while falls_short(high) and high < 1e9:
         high *= 4.0
     high = halved(falls_short, 0.0, high, STEPS)[1]
-    found = [] if falls_short(high) else _most(gain + high * slack, count)
-    return found + [(0, 0)] * (count - len(found))
+    chosen = [] if falls_short(high) else _most(gain + high * slack, count)
+    return chosen + [(0, 0)] * (count - len(chosen))
 
 
 def _most(value: Array, count: int) -> list[Stretch]:
@@ -245,8 +245,11 @@ def _judged(result: Result, on: str, landed: Landed1D, fraction: str, purity: fl
             inside |= ~chosen_on & (landed.place >= low) & (landed.place < high)
     chosen = best_stretches(landed, purity, count)
     mass, wanted = landed.mass, landed.wanted
-    product, own = float(mass[inside].sum()), float(mass[inside & wanted].sum())
-    recovery, pure = own / (float(mass[wanted].sum()) + landed.lost), own / product if product > 0.0 else math.nan
+    product, pure_mass = float(mass[inside].sum()), float(mass[inside & wanted].sum())
+    recovery, pure = (
+        pure_mass / (float(mass[wanted].sum()) + landed.lost),
+        pure_mass / product if product > 0.0 else math.nan,
+    )
     first = float(landed.line[0, 0 if on in LEVEL else 1])
     if on not in result.joint.cells.edges or not chosen or product == 0.0:
         return Dividers(fraction, purity, landed.line, chosen, Number(pure), Number(recovery))
@@ -254,52 +257,3 @@ def _judged(result: Result, on: str, landed: Landed1D, fraction: str, purity: fl
     numbers = (bins.number(of, value=value) for of, value in (
         (bins.of_purity(PRODUCT, fraction), pure), (bins.of_share(fraction, [PRODUCT]), recovery)))  # fmt: skip
     return Dividers(fraction, purity, landed.line, chosen, *numbers)
-
-
-# -- Where the granules of a finished run landed, for pictures of them -------------------------------------------------
-@dataclass(frozen=True)
-class StoredLandings:
-    """The landings of a run on the sides of its channel: ``side`` (n,) index into SIDES or -1, ``place`` (n,) m along
-    it, ``fraction`` (n,) index, ``weight`` (n,) of each fraction's mass, which sum to 1 in each.
-    """
-
-    result: Result
-    scene: Scene
-    side: NDArray[np.int64]
-    place: Array
-    fraction: NDArray[np.int64]
-    weight: Array
-
-    @classmethod
-    def of(cls, result: Result) -> StoredLandings:
-        """Those that a run keeps. Raises SceneError where it ended before its shares, or keeps none."""
-        if result.landings is None:
-            raise SceneError(f"{result.folder} holds no shares: the run ended before them")
-        scene, data = Scene.parse(result.scene).with_top(), kept_granules(result.folder)
-        x, y = np.asarray(data["position"]).T
-        gaps = np.abs([(y if side in LEVEL else x) - scene.channel.sides[side] for side in SIDES])
-        side = np.where(gaps.min(axis=0) <= ON_LINE, gaps.argmin(axis=0), -1)
-        names = list(scene.fraction)
-        fraction = np.array([names.index(name) for name in data["names"]])[data["fraction"]]
-        weight = np.asarray(data["weight"], dtype=float)
-        sums = np.bincount(fraction, weight, minlength=len(names))
-        return cls(result, scene, side, np.where(side < 2, x, y), fraction, weight / sums[fraction])
-
-    @property
-    def ends(self) -> dict[str, tuple[float, float]]:
-        """The run's own dividers: from and to (m) of each bin that is open on a side."""
-        return {name: one.ends for name, one in self.scene.on_sides().items() if one.keeps_part is None}
-
-    def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
-        """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
-        found: dict[str, dict[str, list[float]]] = {}
-        for on in dict.fromkeys(one.on for one in self.scene.on_sides().values()):
-            number = SIDES.index(on)
-            span = self.scene.channel.span(on)
-            here = self.side == number
-            found[on] = {
-                name: np.histogram(self.place[mine], cells, span, weights=self.weight[mine])[0].tolist()
-                for i, name in enumerate(self.scene.fraction)
-                for mine in [here & (self.fraction == i)]
-            }
-        return found
