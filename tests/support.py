@@ -30,6 +30,7 @@ from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.flight import Granules
 from wakeflow.flight.stages.landings import Landings
+from wakeflow.laws.best_estimate import NO_ESTIMATE
 from wakeflow.laws.constants import GRAVITY, STANDARD_AIR
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.plan import REPLICATES, Plan
@@ -65,7 +66,7 @@ def as_computed(plan: Plan) -> Plan:
     """The same plan in the airflow as it is computed, where the answer would be a best estimate, and without granules
     that drag on it: for comparisons with what is published of such airflows.
     """
-    return replace(plan, airflow=replace(plan.airflow, wake=None, loaded=False))
+    return replace(plan, airflow=replace(plan.airflow, wake=NO_ESTIMATE, loaded=False))
 
 
 def loaded_scene() -> Scene:

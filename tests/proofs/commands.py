@@ -156,7 +156,7 @@ def _of_scene(path: Path, slow: bool, tell: Tell) -> list[Report]:
     if is_published(path):
         return [of_scene(path, tell)]
     reports = [run_curves(path, FOLDER, slow=slow, tell=tell, beside=beside)]
-    if slow and scene.air and scene.body and scene.air.case is None and scene.numerics.rung != "none":
+    if slow and scene.air and scene.body and not scene.air.case and scene.numerics.rung != "none":
         reports.append(of_scene(path, tell))
     return reports
 

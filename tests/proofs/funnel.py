@@ -96,7 +96,6 @@ def on_plate(
     It begins ``height`` (m) above the plate's middle position, upwards at ``speed`` (m/s); one step in ``every`` is
     kept. Raises ProgramError as LIGGGHTS does.
     """
-    assert funnel.frequency is not None
     steps, omega = steps_of(funnel), 2 * math.pi * funnel.frequency
     folder.mkdir(parents=True, exist_ok=True)
     write_plate(folder, SIZE)

@@ -19,8 +19,8 @@ from proofs.airflow.measured import DustyWake, SolvedAirflow, core_seconds, esti
 from proofs.airflow.published import Case, Published, cases, read_cases, verification_scenes
 from proofs.report import Row, Table
 from wakeflow.air.field import FlowField
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.cli import main
 from wakeflow.core.errors import FoamError, SceneError
 from wakeflow.core.record import from_json

@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 
 from wakeflow.air.foam.case import FlowSpec
-from wakeflow.air.foam.force_history import Tail
 from wakeflow.air.foam.solver import purge, run_segment
 from wakeflow.air.foam.start import perturb, prepare_case
-from wakeflow.air.foam.statistics import Statistics, Stopping, evaluate
+from wakeflow.air.foam.statistics import Statistics, Stopping, Tail, evaluate
 from wakeflow.air.foam.watch import Watch
 from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.number import Number

@@ -20,8 +20,8 @@ from wakeflow.answer.budget.source import budget_sources
 from wakeflow.cli import main
 from wakeflow.laws.impaction import Cylinder
 from wakeflow.laws.turbulence import turbulence_models
-from wakeflow.planning.carried_round import front_of
 from wakeflow.planning.stages import stages
+from wakeflow.planning.uniform_fall import front_of
 from wakeflow.show.asked_pictures import draw_all
 from wakeflow.show.figures import figures
 

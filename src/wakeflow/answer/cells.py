@@ -50,7 +50,7 @@ class LandingCells:
 
     def _shorter(self, scene: Scene, landed: Landed, fine: int) -> dict[str, Array]:
         """Edges of cells that are short where granules ``landed``; in a machine with two equal sides their images."""
-        places, found, even = [self.along(scene, *one) for one in landed], {}, scene.images is not None
+        places, found, even = [self.along(scene, *one) for one in landed], {}, len(scene.images) > 0
         for number, (name, edges) in enumerate(self.edges.items()):
             level = name in ("floor", "top")
             alike = [i for i, one in enumerate(self.edges) if even and not level and one not in ("floor", "top")]

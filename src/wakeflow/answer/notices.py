@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -79,7 +80,7 @@ def _off_the_fan(scene: Scene, airflow: Airflow) -> Iterator[Notice]:
     """Of air whose speed is farther from the one at which its fan has it than its interval."""
     fan, speed = airflow.fan, 0.0 if scene.air is None else scene.air.speed
     if fan is not None and fan.off > max(1e-3 * speed, half_of(scene, "air.speed", "air_speed", speed)):
-        meets = "nowhere" if fan.meets is None else f"at {fan.meets:.3g} m/s"
+        meets = "nowhere" if math.isnan(fan.meets) else f"at {fan.meets:.3g} m/s"
         yield less_sure(
             f"the fan's curve meets the drop that was computed {meets}, the air blows at {speed:.3g} m/s; "
             "uncertainty.air.speed that holds both puts it into the intervals"
@@ -149,19 +150,19 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
     if resolves and airflow.verdict != "steady":
         why = notes.pop(0) if notes else f"the steady airflow does not settle ({airflow.verdict})"
         yield less_sure(f"{why}; numerics.rung = '{resolves}' resolves it in time")
-    if airflow.period is not None and airflow.verdict == "broadband" and airflow.span is None:
+    if math.isfinite(airflow.period) and airflow.verdict == "broadband" and not airflow.span:
         yield information(
             "the wake sheds irregularly: the few periods of the loop are a small sample, which the intervals hold"
         )
-    if (safer := airflow.safer_settings) is not None:
+    if safer := airflow.safer_settings:
         yield less_sure(safer)
     yield from map(less_sure, notes)
-    if (airflow.loop_mismatch or 0.0) > LOOSE_LOOP:
+    if airflow.loop_mismatch > LOOSE_LOOP:
         yield less_sure(
             f"the stored loop joins with a mismatch of {airflow.loop_mismatch:.2g} of the fluctuation; a smaller "
             "numerics.averaging records more of it"
         )
-    if (suction := airflow.suction) is not None and suction.spans(scene.channel.width):
+    if (suction := airflow.suction).spans(scene.channel.width):
         length = suction.reversal_length or 0.0
         turned = f"the reversed flow behind the body is {1e3 * length:.3g} mm long" if length else "no air turns back"
         yield information(f"the suction zone (Cp < -0.5) spans the channel, since the body narrows it; {turned}")
@@ -178,14 +179,14 @@ def with_mesh_error(airflow: Airflow, studies: Sequence[GridStudy]) -> Airflow:
     """The airflow with the mesh's part in the intervals of what several grids were compared in. A best estimate keeps
     its own: its grids are those of one end.
     """
-    found = {study.quantity: study for study in studies if airflow.ends is None}
+    found = {study.quantity: study for study in studies if not airflow.ends}
     cd, base = _on_meshes(airflow.cd, found.get("cd")), _on_meshes(airflow.cp_base, found.get("cp_base"))
     return replace(airflow, cd=cd, cp_base=base)
 
 
-def _on_meshes(number: Number | None, study: GridStudy | None) -> Number | None:
+def _on_meshes(number: Number, study: GridStudy | None) -> Number:
     """A number with the wider of its own interval and that of a comparison of grids, which holds it."""
-    if number is None or study is None:
+    if not number or study is None:
         return number
     own = number if number.known else study
     return replace(number, low=min(own.low, study.low), high=max(own.high, study.high))

@@ -17,8 +17,8 @@ from ..core.errors import SceneError
 from ..core.files import MAX_RECORD, check_tables, path_of, read_json, write_json
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
+from ..core.number import NO_NUMBER, Number, percent
 from ..core.number import VOID as VOID
-from ..core.number import Number, percent
 from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable, column, columns, from_json, to_json
 from ..core.registry import Registry, did_you_mean
@@ -494,7 +494,7 @@ def _in_inputs(landings: LandingResults) -> Iterator[str]:
 
 def _in_numbers(value: object, place: str) -> Iterator[str]:
     """Numbers that are none, and intervals that do not hold their number."""
-    if isinstance(value, Number):
+    if isinstance(value, Number) and value is not NO_NUMBER:
         slack = ROUNDED * max(1.0, abs(value.value)) if math.isfinite(value.value) else 0.0
         if not value.low - slack <= value.value <= value.high + slack:  # of NaN neither
             yield f"{place} = {value.value:.6g} is outside of its interval, {value.low:.6g} to {value.high:.6g}"

@@ -113,7 +113,8 @@ def _measured(record: object, prefix: str) -> Iterator[TableQuantity]:
     """The numbers of a record, not those of records inside it, which say how it was computed."""
     for one in columns(type(record)):
         value = getattr(record, one.name)
-        if isinstance(value, Number | float):
+        number = value.value if isinstance(value, Number) else value
+        if isinstance(number, float) and not math.isnan(number):
             yield from _numbers(value, prefix + one.key, one.unit, {})
 
 

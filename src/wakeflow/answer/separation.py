@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from ..flight.stages.input_samples import DrawnLandings, InputSamples
 from ..flight.stages.landings import Landings
-from ..planning.dependence import Dependence
-from ..planning.unknowns import Unknown, unknown_kinds
+from ..planning.unknowns import Dependence, Unknown, unknown_kinds
 from ..scene import Scene
 from .cells import LandingCells
 from .draws import DRAWS, LACK, ErrorSource, column, columns, less_at_ends
@@ -94,9 +93,7 @@ def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence, how: Ma
     effects = {}
     for name, one in how.items():
         change, doubt = change_of(scene, unknowns, name, one, z)
-        before = (
-            one.before if scene.images is None else 0.5 * (one.before + one.before[one.cells.mirrored(scene.images)])
-        )
+        before = 0.5 * (one.before + one.before[one.cells.mirrored(scene.images)]) if scene.images else one.before
         flown = (ndtr(column(f"{LACK} {name}")) * len(one.off)).astype(int)  # as one of these is off, so is a draw
         effects[name] = FractionChange(change, before, doubt[:, None] * one.off[flown])
     return Changed(tuple(one.key for one in unknowns), z, next(iter(how.values())).cells, effects)
@@ -112,7 +109,7 @@ def change_of(
     """
     mine = acting(unknowns, name)
     moved, doubt = how(z[:, mine], by_bin=by_bin)
-    if scene.images is None:
+    if not scene.images:
         return moved, doubt
     side = np.array([-1.0 if unknown_kinds[unknowns[i].kind].lateral else 1.0 for i in mine])
     images = list(scene.images) if by_bin else how.cells.mirrored(scene.images)
@@ -166,7 +163,7 @@ def _base(scene: Scene, cells: LandingCells, landings: Mapping[str, Landings]) -
         side, place = cells.along(scene, landing.position, landing.bin)
         cell = cells.at(side, place, cells.off_sides(landing.bin))
         mass = np.asarray(np.bincount(cell, landing.mass_shares, minlength=cells.count), dtype=float)
-        if scene.images is not None:
+        if scene.images:
             mass = np.asarray(0.5 * (mass + mass[cells.mirrored(scene.images)]))
         inside = mass @ parts
         even = parts / np.maximum(parts.sum(axis=0), 1e-300)

@@ -76,7 +76,7 @@ class Tally(NamedTuple):
         realisation = np.zeros(len(found), dtype=np.int64)
         realisation[landing.replicate] = landing.realisation
         hits = np.ascontiguousarray(np.swapaxes(found, 0, 1)).astype(float)
-        return [cls(inside, hits.sum(axis=0), realisation) for inside in pooled(hits.T, images or None).T]
+        return [cls(inside, hits.sum(axis=0), realisation) for inside in pooled(hits.T, images).T]
 
     @property
     def samples(self) -> Array:

@@ -40,6 +40,10 @@ class Number:
     def __len__(self) -> int:
         return 3
 
+    def __bool__(self) -> bool:
+        """Whether there is a number, :data:`NO_NUMBER` being none."""
+        return not math.isnan(self.value)
+
     @property
     def known(self) -> bool:
         """Whether both ends of the interval are known."""
@@ -64,6 +68,8 @@ class Number:
         return Number(self.value * factor, self.low * factor, self.high * factor)
 
 
+NO_NUMBER = Number(math.nan)
+Measured = Annotated[Number, Null(NO_NUMBER)]  # or not: null in JSON then
 NO_VALUE = "–"
 UNKNOWN_ERROR = "unknown"
 VOID = "void"  # the caveat of an answer that is worth nothing

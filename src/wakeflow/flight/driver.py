@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air.field import FlowField
+from ..air.field import AT_REST, FlowField
 from ..core.arrays import number
 from ..core.errors import SceneError
 from ..core.process import check_workers, cores
@@ -22,7 +22,6 @@ from .kernel import layout as at
 from .kernel.layout import PackedAir, Rules, Walls
 from .kernel.loop import fly_block
 from .pack import (
-    AT_REST,
     VACUUM,
     Packed,
     check_forces,
@@ -196,8 +195,8 @@ def _longest_wait(field: FlowField, air: PackedAir, bodies: Sequence[Body], omeg
     """Seconds that a granule held by friction waits for what may blow or shake it off; inf: for ever."""
     periods = [1.0 / body.motion.frequency for body in bodies if body.motion is not None and body.motion.frequency > 0]
     rest = max([*periods, 2 * np.pi / omega] if omega > 0 else periods, default=0.0)
-    if field.times is not None and len(field.times) > 1:
-        rest = max(rest, field.period) if field.period is not None else np.inf
+    if len(field.times) > 1:
+        rest = max(rest, field.period) if field.period else np.inf
     if air.values.shape[-1] > at.NODE_RMS:  # eddies may blow it off; after many of them it stays
         rest = max(rest, EDDIES * eddy_life(field))
     return rest

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air.field import FlowField, MeshOscillation
+from ..air.field import AT_REST, FlowField, MeshOscillation
 from ..core.arrays import numbers
 from ..core.errors import SceneError
 from ..laws.drag import drag_laws, drag_table
@@ -60,9 +60,9 @@ def check_forces(forces: Sequence[str], field: FlowField) -> None:
             raise SceneError(f"force {name!r} is only bounded, not computed (computed: {computed})")
         if field is VACUUM:
             continue
-        if force.needs == "pressure" and field.pressure is None and field.given_gradient is None:
+        if force.needs == "pressure" and not (field.has("pressure") or field.has("given_gradient")):
             raise SceneError(f"forces: {name} needs a field with pressure")
-        if force.needs == "turbulence" and (field.k is None or field.dissipation is None):
+        if force.needs == "turbulence" and not (field.has("k") and field.has("dissipation")):
             raise SceneError(f"forces: {name} needs a field with k and dissipation; a laminar airflow has none")
 
 
@@ -204,12 +204,11 @@ def _nearest_covered(flight: Packed, field: FlowField, x: Array) -> Index:
 # are what they are in the lab, and nothing is approximated. Bodies and bins that rest in the lab move by -d.
 SAME = 1e-9  # relative difference of frequencies and phases that counts as none
 MINUTE = 1e-9  # of an amplitude: relative motion below it is round-off
-AT_REST = MeshOscillation(0.0, 0.0, 0.0, 0.0)
 
 
 def mesh_motion_of(field: FlowField) -> MeshOscillation:
     """How the field's mesh moves."""
-    swing = AT_REST if field.motion is None else field.motion
+    swing = field.motion
     return AT_REST if swing.x == 0.0 and swing.y == 0.0 else swing
 
 

@@ -12,9 +12,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air.field import FlowField, MeshOscillation
+from ..air.field import AT_REST, FlowField, MeshOscillation
 from ..core.arrays import numbers
-from ..core.errors import SceneError, known
+from ..core.errors import SceneError
 from ..core.geometry import distance_to_edges
 from ..laws.forces import forces as all_forces
 from ..laws.restitution import Restitution, restitution_table
@@ -22,7 +22,7 @@ from ..laws.turbulence import damping, lifetime, shortest_life
 from .bodies import Body
 from .kernel import layout as at
 from .kernel.layout import PackedAir, Walls
-from .pack import AT_REST, VACUUM, mesh_motion_of, relative
+from .pack import VACUUM, mesh_motion_of, relative
 
 # -- From bodies and lines to the plain arrays of the kernel -----------------------------------------------------------
 Array = NDArray[np.float64]
@@ -239,14 +239,14 @@ def _packed(field: FlowField, kept: _Kept, bodies: Sequence[Body], reach: float,
     values, smooth, even = kept.values[needs]
     neighbours = field.neighbours.copy()
     covered = _covered(field, neighbours, bodies, reach)
-    times = np.zeros(1) if field.times is None or smooth[1] != 0.0 else field.times
+    times = field.times if field.in_time and smooth[1] == 0.0 else np.zeros(1)
     return PackedAir(
         np.ascontiguousarray(geometry),
         np.array(field.triangles),
         neighbours,
         values,
         np.array(times, dtype=np.float64),
-        np.array([field.period or 0.0]),
+        np.array([field.period]),
         covered,
         smooth,
         *_places(field, neighbours),
@@ -291,13 +291,8 @@ def eddy_life(field: FlowField) -> float:
     """Lifetime (s) of the eddies in a turbulent ``field``: the median over the nodes, at the mean of k and of its
     dissipation, or of the first snapshot's.
     """
-    lives = lifetime(*(np.maximum(part if field.times is None else part[0], 0.0) for part in _turbulence(field)))
+    lives = lifetime(*(np.maximum(part[0] if field.in_time else part, 0.0) for part in (field.k, field.dissipation)))
     return float(np.median(np.minimum(lives, LONGEST_LIFE)))
-
-
-def _turbulence(field: FlowField) -> tuple[Array, Array]:
-    """The arrays k and dissipation of a turbulent ``field``."""
-    return known(field.k), known(field.dissipation)
 
 
 def _interpolant(field: FlowField, needs: _Needs) -> tuple[Array, Array, Array]:
@@ -312,7 +307,7 @@ def _interpolant(field: FlowField, needs: _Needs) -> tuple[Array, Array, Array]:
             np.negative(values[..., turned], out=values[..., turned])
         return values, *there[1:]
     swing = mesh_motion_of(field)
-    if swing == AT_REST and field.coefficients is None:
+    if swing == AT_REST and not field.has("coefficients"):
         values, smooth = _values(field, needs), np.zeros(3)
     else:
         values, smooth = _smooth(field, needs, swing)
@@ -366,8 +361,8 @@ def _values(field: FlowField, needs: _Needs) -> Array:
     if needs.pressure:
         values[..., 2:4] = field.pressure_gradient
     if needs.turbulence:
-        values[..., 4], values[..., 5] = eddies(field, *_turbulence(field))
-    return values if field.times is not None else values[None]
+        values[..., 4], values[..., 5] = eddies(field, field.k, field.dissipation)
+    return values if field.in_time else values[None]
 
 
 def _smooth(field: FlowField, needs: _Needs, swing: MeshOscillation) -> tuple[Array, Array]:
@@ -377,10 +372,10 @@ def _smooth(field: FlowField, needs: _Needs, swing: MeshOscillation) -> tuple[Ar
     must not become negative, take the values at the knots for coefficients (Schoenberg's variation diminishing splines,
     second-order accurate).
     """
-    if field.times is None:
+    if not field.in_time:
         same = np.repeat(_values(field, needs), 7, axis=0)
         return np.ascontiguousarray(np.swapaxes(same, 0, 1)), np.array([0.0, 4 * swing.omega / (2 * np.pi), 4.0])
-    if field.coefficients is None:
+    if not field.has("coefficients"):
         raise SceneError("a field of snapshots on a moving mesh must be compressed first: field.compressed()")
     knots, count = len(field.times), len(field.points)
     around = np.arange(-1, knots + 2) % knots
@@ -393,7 +388,6 @@ def _smooth(field: FlowField, needs: _Needs, swing: MeshOscillation) -> tuple[Ar
     for low in range(0, count, each):
         part = slice(low, low + each)
         for place, parts in enumerate(vectors):
-            assert parts is not None
             drawn = (shares @ parts[:, part].reshape(len(parts), -1)).reshape(len(around), -1, 2)
             values[part, :, 2 * place : 2 * place + 2] = np.swapaxes(drawn, 0, 1)
         for place, scalar in enumerate(stirred, 4):
@@ -435,11 +429,12 @@ def wall_edges(field: FlowField) -> tuple[Index, Index]:
     mean. Where all air is, walls are where k is 0.
     """
     triangle, corner = np.nonzero(field.neighbours < 0)
-    share = None if field.times is None else field.time_axis.mean_weights()
-    mean = field.velocity if share is None else np.tensordot(share, field.velocity, axes=1)
+    share = field.time_axis.mean_weights() if field.in_time else np.ones(1)
+    velocity, k = (part if field.in_time else part[None] for part in (field.velocity, field.k))
+    mean = np.tensordot(share, velocity, axes=1)
     still = np.abs(mean).max(axis=1) <= STILL * np.abs(field.velocity).max()
     if still.all():
-        still = np.zeros_like(still) if field.k is None else (field.k if share is None else share @ field.k) <= 0.0
+        still = share @ k <= 0.0 if field.has("k") else np.zeros_like(still)
     on = np.all([still[field.triangles[triangle, (corner + step) % 3]] for step in (1, 2)], axis=0)
     return triangle[on], corner[on]
 

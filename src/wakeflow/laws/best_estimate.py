@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..core.number import Number
+from ..core.number import NO_NUMBER, Number
 from ..core.record import column
 
 Array = NDArray[np.float64]
@@ -51,6 +51,13 @@ class WakeEstimate:
     strength: Number = column("1", "rms of the fluctuation over that of the time-resolved wake, and its range")
     why: str = column("", "what they rest on")
     lift: Number = column("1", "rms of the lift over that of the time-resolved wake, and its range")
+
+    def __bool__(self) -> bool:
+        """Whether there is an estimate, :data:`NO_ESTIMATE` being none."""
+        return bool(self.theta)
+
+
+NO_ESTIMATE = WakeEstimate(NO_NUMBER, NO_NUMBER, "", NO_NUMBER)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,10 @@ class Span:
     layers: int = column("1", "layers of cells over it")
     sheddings: float = column("1", "usual shedding cycles recorded after the start-up")
 
+    def __bool__(self) -> bool:
+        """Whether there is a third dimension, :data:`IN_PLANE` having none."""
+        return self.layers > 0
+
     @property
     def start_up(self) -> float:
         """Convective times that pass before the record begins."""
@@ -35,3 +39,6 @@ class Span:
     def whole(self) -> float:
         """Length of the run in convective times, its start-up included."""
         return self.start_up + self.recorded
+
+
+IN_PLANE = Span(0.0, 0, 0.0)

@@ -173,7 +173,7 @@ class _Planned:
         ranks, airflow = self.scene.numerics.ranks, self.plan.airflow
         if ranks != "auto":
             return ranks
-        return 1 if airflow.span is None else ranks_for(round(typical_cells(self.scene, airflow)))[0]
+        return 1 if not airflow.span else ranks_for(round(typical_cells(self.scene, airflow)))[0]
 
     @cached_property
     def flight(self) -> str:

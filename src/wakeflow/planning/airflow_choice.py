@@ -15,16 +15,16 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from ..core.errors import SceneError
 from ..core.geometry import is_symmetric
 from ..core.graded import Notice, information, less_sure
 from ..core.quantities import metres
-from ..core.record import column
-from ..laws.best_estimate import WakeEstimate
+from ..core.record import Null, column
+from ..laws.best_estimate import NO_ESTIMATE, WakeEstimate
 from ..laws.driven_jet import width_after
-from ..laws.span import Span
+from ..laws.span import IN_PLANE, Span
 from ..laws.turbulence import SPANWISE, model_at, turbulence_models
 from ..scene import Scene, Vibration
 from ..scene.own_files import is_laminar
@@ -32,7 +32,7 @@ from ..scene.rungs import check_rung, rungs
 from .terms import LOADING, VIBRATION
 from .wake import Wake, family_of, span_of, wake_of, wakes_beside
 
-Stepping = Literal["steady", "time-resolved"]
+Stepping = Literal["steady", "time-resolved", ""]
 SOLVED: dict[str, Stepping] = {
     "steady": "steady",
     "time-resolved": "time-resolved",
@@ -65,8 +65,8 @@ class AirflowPlan:
 
     rung: str = column("", "none, analytic, draft, standard, reference, 3d or given")
     why: str = column("", "why this rung")
-    stepping: Stepping | None = column("", "steady or time-resolved; null without a solver")
-    turbulence: str | None = column(
+    stepping: Annotated[Stepping, Null("")] = column("", "steady or time-resolved; null without a solver")
+    turbulence: Annotated[str, Null("")] = column(
         "",
         "turbulence model, decaying in air past no body, jet in air that granules alone drive, given in a case of the "
         "user's",
@@ -85,11 +85,13 @@ class AirflowPlan:
         "1", "relative half width of the intervals of drag, base pressure and shedding at which a time-resolved run "
         "may end", default=0.02,
     )  # fmt: skip
-    wake: WakeEstimate | None = column(
+    wake: Annotated[WakeEstimate, Null(NO_ESTIMATE)] = column(
         "", "how much of the time-resolved wake the answer is flown in; null where it is that wake or no end",
-        default=None,
+        default=NO_ESTIMATE,
     )  # fmt: skip
-    span: Span | None = column("", "the third dimension; null where the airflow is plane", default=None)
+    span: Annotated[Span, Null(IN_PLANE)] = column(
+        "", "the third dimension; null where the airflow is plane", default=IN_PLANE
+    )
 
     @property
     def turbulent(self) -> bool:
@@ -107,7 +109,7 @@ class AirflowPlan:
         """Whether half of the granules fly in the airflow's mirror image: it is as likely where nothing tells left
         from right, and a wake, computed whole, may lean.
         """
-        return self.stepping is not None and self.symmetric and not self.half
+        return self.stepping != "" and self.symmetric and not self.half
 
     @property
     def effects(self) -> frozenset[str]:
@@ -198,9 +200,9 @@ class SolvedAirPlan(AirflowPlan):
 
     @property
     def kind(self) -> str:
-        if self.span is not None:
+        if self.span:
             return "three-dimensional"
-        return str(self.stepping) if self.wake is None else "best-estimate"
+        return "best-estimate" if self.wake else str(self.stepping)
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
         if self.resolves and scene.reynolds > SHEDDING_ABOVE:
@@ -208,7 +210,7 @@ class SolvedAirPlan(AirflowPlan):
                 f"{self.rung} airflow: a steady wake is too long and its suction too weak; numerics.rung = "
                 f"'{self.resolves}' resolves the shedding"
             )
-        if self.wake is not None:
+        if self.wake:
             theta = self.wake.theta
             yield information(
                 f"{self.rung} airflow: a best estimate between two wakes in two dimensions, of which neither is real; "
@@ -243,14 +245,14 @@ def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
     if scene.air is None:
         if rungs[asked].needs_air:
             raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
-        return NoAirPlan("none", "there is no [air]", None, None, scene.symmetric, half=False)
+        return NoAirPlan("none", "there is no [air]", "", "", scene.symmetric, half=False)
     if rungs[asked].kind == "none":
         if not scene.body:
             raise SceneError(f"rung = {asked!r} leaves the air out, and without a body nothing is left: choose auto")
-        return NoAirPlan(asked, "asked for: the air is left out", None, None, scene.symmetric, half=False)
+        return NoAirPlan(asked, "asked for: the air is left out", "", "", scene.symmetric, half=False)
     if not scene.body or scene.air.still:
         return _analytic(scene, asked)
-    if scene.air.case is not None:
+    if scene.air.case:
         return _given(scene.air.case, asked)
     name, why = (asked, "asked for") if rungs[asked].kind else _auto(scene.reynolds, target_error)
     return _at_body(scene, scene.reynolds, name, why)
@@ -261,7 +263,7 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     rung, sheds, symmetric = rungs[name], reynolds >= SHEDDING_ABOVE, scene.symmetric
     kind = str(rung.kind if sheds else rung.kind_below_shedding or rung.kind)
     if kind not in SOLVED:
-        return AirflowPlan(name, why, None, "laminar", symmetric, half=False)
+        return AirflowPlan(name, why, "", "laminar", symmetric, half=False)
     if kind == "three-dimensional":
         return SolvedAirPlan(
             name, why, SOLVED[kind], SPANWISE, symmetric, half=False, accuracy=ACCURACY["bracket"], span=span_of(scene)
@@ -278,7 +280,7 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
         scales=rung.scales,
         brackets=brackets,
         accuracy=scene.numerics.averaging or rung.accuracy or ACCURACY["bracket" if reynolds > FLAT_BELOW else "flat"],
-        wake=wake_of(scene, reynolds) if brackets and model.turbulent else None,
+        wake=wake_of(scene, reynolds) if brackets and model.turbulent else NO_ESTIMATE,
     )
 
 
@@ -290,10 +292,10 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
         raise SceneError(f"rung = {asked!r}: {why}, so there is nothing to solve; leave the rung out, or {cure}")
     if air.still:
         why = "the air is at rest, and what bodies and granules stir up in it is left out: neither mesh nor solver"
-        return AnalyticAirPlan("analytic", why, None, "laminar", scene.symmetric, half=False)
+        return AnalyticAirPlan("analytic", why, "", "laminar", scene.symmetric, half=False)
     laminar = air.profile == "parabolic" or scene.reynolds < LAMINAR_BELOW
     why = f"it has no body: {air.profile} everywhere, neither mesh nor solver"
-    return AnalyticAirPlan("analytic", why, None, "laminar" if laminar else DECAYING, symmetric=True, half=False)
+    return AnalyticAirPlan("analytic", why, "", "laminar" if laminar else DECAYING, symmetric=True, half=False)
 
 
 def _given(case: str, asked: str) -> AirflowPlan:
@@ -301,7 +303,7 @@ def _given(case: str, asked: str) -> AirflowPlan:
     if asked != "auto":
         raise SceneError(f"rung = {asked!r}: air.case gives the airflow; leave the rung out, or air.case")
     turbulence = "laminar" if is_laminar(Path(case)) else "given"
-    return GivenAirPlan("given", f"air.case = {case}", None, turbulence, symmetric=False, half=False)
+    return GivenAirPlan("given", f"air.case = {case}", "", turbulence, symmetric=False, half=False)
 
 
 def _auto(reynolds: float, target_error: float) -> tuple[str, str]:

@@ -65,7 +65,7 @@ def why_no_collisions(scene: Scene, *, asked: bool = False) -> str:
     """Why no slab can be flown for a scene; empty where it can. ``asked``: for by hand."""
     if scene.feed.start == "resting":
         return "granules that start at rest on the body are no stream: they have no feed rate"
-    return NO_RATE if scene.feed.rate is None and not asked else ""
+    return "" if scene.feed.rate or asked else NO_RATE
 
 
 def too_many_to_collide(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> str:
@@ -113,7 +113,7 @@ def plan_collisions(
     lasting = operation + 2.0 * start_up
     seconds = (sum(in_flight.values()) + CLOCK) * replicates * lasting / STEP / STEPS_A_SECOND / CORES
     memory = BYTES_A_GRANULE * sum(rates.values()) * lasting * CORES
-    least = fewest if scene.collisions.count is None else replicates
+    least = replicates if scene.collisions.count else fewest
     return CollisionPlan(depth, tracers, in_flight, replicates, least, start_up, operation, count, seconds, memory)
 
 
@@ -121,7 +121,7 @@ def _depth(scene: Scene, stays: Mapping[str, float]) -> float:
     """Of the slab (m): as asked for, or DIAMETERS of the coarsest granules, and more where few would fly at a time."""
     coarsest = max(float(fraction.diameters(np.array([0.5]))[0]) for fraction in scene.fraction.values())
     depth = scene.collisions.depth
-    if depth is None:
+    if not depth:
         depth = DIAMETERS * coarsest
         _, mass = _heaviest(scene)
         flying = sum(_simulated(scene, name, depth, stay, mass)[1] * stay for name, stay in stays.items())
@@ -142,7 +142,7 @@ def _timing(
     whole = count / rates[max(real, key=lambda name: mass[name])]
     whole = max(whole, least * MIN_RAREST_GRANULES / min(rates[name] for name in real))
     replicates = int(np.clip(whole / (4.0 * start_up), least, MAX_REPLICATES)) // 2 * 2
-    most = MAX_STEPS if scene.collisions.count is None else math.inf
+    most = math.inf if scene.collisions.count else MAX_STEPS
     affordable = most * STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
     return replicates, max(min(whole, affordable), least * start_up) / replicates
 

@@ -50,15 +50,15 @@ def ranks_for(cells: int) -> tuple[int, str]:
 
 def typical_cells(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> float:
     """Cells to expect on a grid of the plan, 0 the answer's, before it is meshed; good to a factor of two."""
-    layers = 1 if airflow.span is None else airflow.span.layers
-    if airflow.stepping is None:
+    layers = 1 if not airflow.span else airflow.span.layers
+    if not airflow.stepping:
         return 0.0
     return layers * CELLS[airflow.stepping] * len(scene.body) / _edges(scene, airflow, grid) ** 2
 
 
 def span_cost(scene: Scene, airflow: AirflowPlan) -> SpanCost:
     """What the third dimension costs, before the mesh is made; nothing where it is not resolved."""
-    if airflow.span is None:
+    if not airflow.span:
         return SpanCost(0.0, 0.0, 0.0, 0.0, 0.0)
     scale = airflow.scales[0] * scene.numerics.mesh_scale
     return cost_of(airflow.span, CELLS["time-resolved"] * len(scene.body) / scale**2, scale)
@@ -71,14 +71,14 @@ def solver_seconds(scene: Scene, airflow: AirflowPlan, grid: int = 0) -> tuple[f
     The time step goes with the cells' edges, and so do the iterations of a steady solution that settles; one of the
     whole channel often does not, and then ends after about as many on all meshes.
     """
-    if airflow.stepping is None:
+    if not airflow.stepping:
         return 0.0, 0.0
     edges = _edges(scene, airflow, grid)
     size = len(scene.body) / edges**3
     steady = airflow.stepping == "steady"
     half = airflow.half if steady else airflow.symmetric
     start = AT_LEAST["steady"] + SECONDS["steady"] * size * (1.0 if half else UNMIRRORED * edges)
-    if airflow.span is not None:
+    if airflow.span:
         return start, 0.0
     developed = airflow.scales[1:] if airflow.loaded else airflow.scales[grid + 1 :]
     in_time = AT_LEAST["time-resolved"] + (DEVELOPED if developed else 1.0) * SECONDS["time-resolved"] * size
@@ -129,7 +129,7 @@ class AirflowCost(NamedTuple):
 def airflow_cost(scene: Scene, airflow: AirflowPlan) -> AirflowCost:
     """What is shared by all scenes that fly in one airflow."""
     cells, deep = typical_cells(scene, airflow), span_cost(scene, airflow)
-    kept = 0.0 if airflow.span is not None else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
+    kept = 0.0 if airflow.span else BYTES_A_SNAPSHOT * SNAPSHOTS[airflow.stepping or "steady"]
     work = Workload(scene, airflow, None, 0, 0.0)
     seconds = sum(cost.whole for stage in SHARED for cost in stage.cost(work))
     return AirflowCost(seconds, cells * (BYTES_A_CELL + kept) + deep.disk)
@@ -151,9 +151,9 @@ def estimate_cost(
 def memory_of(work: Workload, key: StageKey) -> float:
     """Bytes that a run holds at most in a stage, with the program that the stage starts; good to a factor of 1.5."""
     cells, count = typical_cells(work.scene, work.airflow), _fed(work.scene)
-    held = PROGRAM + (IN_AIR if work.airflow.stepping is not None else 0.0)
+    held = PROGRAM + (IN_AIR if work.airflow.stepping else 0.0)
     held += BYTES_ANSWERED * max(0, work.fractions - FEW)
-    if work.airflow.stepping == "time-resolved" and work.airflow.span is None:
+    if work.airflow.stepping == "time-resolved" and not work.airflow.span:
         held += BYTES_IN_TIME * SNAPSHOTS["time-resolved"] * cells
     more = {
         "funnel": MESHER,
@@ -212,7 +212,7 @@ def flown_again(
     """
     key = StageKey(label, name)
     if key.stage.work != "slab":
-        ahead = label != OWN and work.airflow.stepping is not None
+        ahead = label != OWN and work.airflow.stepping
         compared = _flown(work, _fed(work.scene) * COMPARED // REPLICATES) - EACH_STAGE
         yield StageCost(key, EACH_STAGE + more + compared * times, "beside" if ahead else "after")
     elif work.crowd is not None:
@@ -230,7 +230,7 @@ def _airs(work: Workload) -> Iterator[tuple[int, AirLabel, str, str]]:
     starts, in which the granules' force is gathered, and all where they are ends of a bracket.
     """
     airflow, in_time = work.airflow, work.airflow.stepping == "time-resolved"
-    for number, scale in reversed([*enumerate(airflow.scales if airflow.stepping is not None else ())]):
+    for number, scale in reversed([*enumerate(airflow.scales if airflow.stepping else ())]):
         label = OWN if number == 0 else AirLabel(grid=scale)
         solved = "answer" if number == 0 or (in_time and not airflow.loaded) else "beside"
         meshed = "first" if number == 0 else "meanwhile" if airflow.loaded else solved
@@ -331,7 +331,7 @@ def _fed(scene: Scene) -> int:
 
 def _flown(work: Workload, count: int) -> float:
     """Seconds in which ``count`` granules of every fraction fly once."""
-    one = SECONDS_A_GRANULE if work.airflow.stepping is not None or work.airflow.rung == "given" else IN_KNOWN_AIR
+    one = SECONDS_A_GRANULE if work.airflow.stepping or work.airflow.rung == "given" else IN_KNOWN_AIR
     return EACH_STAGE + (WITHOUT_AIR if work.airflow.rung == "none" else one) * count * work.effort
 
 

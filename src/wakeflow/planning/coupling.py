@@ -176,7 +176,7 @@ def with_driven_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) 
     """The ``scales`` of all fractions with what their drag together takes from the air; as they are in a scene without
     feed.rate, which says nothing of how dense its curtain is.
     """
-    if scene.air is None or scene.feed.rate is None:
+    if scene.air is None or not scene.feed.rate:
         return scales
     driven = _taken_from_the_air(scene, scales).driven
     return {name: [replace(flight, driven=driven) for flight in flights] for name, flights in scales.items()}

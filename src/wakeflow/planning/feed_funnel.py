@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Protocol
 
-from ..core.number import Number
+from ..core.number import Known, Measured
 from ..core.record import column
 from ..core.registry import Registry
 from ..scene import Funnel
@@ -35,16 +35,16 @@ class FunnelSummary:
     """The discharge of a feed funnel, computed bead by bead."""
 
     verdict: str = column("", "emptied or stopped")
-    rate: Number | None = column("kg/s", "discharge rate; null where the flow stopped too early")
-    time_to_empty: float | None = column("s", "until 99 % of the mass is out; null where it never was")
+    rate: Measured = column("kg/s", "discharge rate; null where the flow stopped too early")
+    time_to_empty: Known = column("s", "until 99 % of the mass is out; null where it never was")
     left: int = column("1", "beads left inside")
     beads: int = column("1", "beads")
     mass: float = column("kg", "of all beads")
-    packing: float | None = column("1", "volume of beads over volume of the poured bed")
-    beverloo: float | None = column("kg/s", "Beverloo's law for a funnel at rest, flat floor")
-    beverloo_cone: float | None = column("kg/s", "the same with Rose & Tanaka's cone factor")
-    frequency: float | None = column("Hz", "of the vibration")
-    gamma: float | None = column("1", "peak acceleration of the wall over g")
+    packing: Known = column("1", "volume of beads over volume of the poured bed")
+    beverloo: Known = column("kg/s", "Beverloo's law for a funnel at rest, flat floor")
+    beverloo_cone: Known = column("kg/s", "the same with Rose & Tanaka's cone factor")
+    frequency: Known = column("Hz", "of the vibration")
+    gamma: Known = column("1", "peak acceleration of the wall over g")
     time_step: float = column("s", "of the computation")
     contact_time: float = column("s", "duration of the quickest collision")
     youngs_modulus: float = column("Pa", "of the beads, softened")
@@ -100,7 +100,7 @@ def discharge_lines(found: FunnelSummary) -> list[str]:
     lines = []
     if found.verdict != "emptied":
         lines.append(f"funnel: the flow stopped with {found.left} of {found.beads} beads still inside")
-    if found.rate is not None and not found.rate.known:
+    if found.rate and not found.rate.known:
         lines.append("funnel: emptied within a few periods of its vibration: the rate has no interval; use more mass")
     if found.overlap > DEEP:
         lines.append(

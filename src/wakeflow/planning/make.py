@@ -26,7 +26,6 @@ from ..scene import Fraction, Scene
 from ..scene.overrides import share_in
 from ..scene.whole import States, switched
 from .airflow_choice import JET, AirflowPlan, AirMotion, choose_airflow, vibration_of_scene
-from .carried_round import Deflection, deflection
 from .collision_rates import RECIRCULATION, Encounters, ejection_speed, encounters, shifted
 from .collisions import (
     LIGHT,
@@ -39,7 +38,6 @@ from .collisions import (
 )
 from .cost import estimate_cost, expected_stages
 from .coupling import Limit, limits, with_driven_air
-from .dependence import orders
 from .plan import FractionPlan, Plan, whole_terms
 from .plan_messages import missing_lines, used_lines, warning_lines
 from .stages import FliesAgain
@@ -57,7 +55,8 @@ from .terms import (
     limit_of,
     moved_by_air,
 )
-from .uniform_fall import FallTimes, UniformFall
+from .uniform_fall import Deflection, FallTimes, UniformFall, deflection
+from .unknowns import orders
 
 # -- The scales of a flight -------------------------------------------------------------------------------------------
 SIZES = (0.05, 0.5, 0.95)  # mass quantiles of the granules that the bounds are taken over: 90 % lie between
@@ -280,7 +279,7 @@ def _obstacle(scene: Scene, airflow: AirflowPlan) -> str:
             return "granules that do not fall straight along the channel drive no jet that is known"
     elif airflow.kind not in KINDS:
         return f"rung {airflow.rung} has no steady airflow that OpenFOAM could solve on; use draft or standard"
-    if scene.feed.rate is None:
+    if not scene.feed.rate:
         return "the scene has no feed.rate, which says how dense the curtain is"
     return ""
 
@@ -326,13 +325,13 @@ def _planned(
     """The plan of a scene by a ``rung``, with its terms as switched, for the error ``target`` of a share."""
     airflow, motion = _airflow(given, rung, target, switches)
     flown, chain = airflow.flown(given), given.air is not None and airflow.kind == "none"
-    check_switches(flown, switches, airflow.turbulence or "")
+    check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
     obstacle = FIRST_LOOK if chain else why_no_collisions(flown) or too_many_to_collide(flown, _laws(known))
     crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow, known = _under_load(flown, airflow, known, target, switches)
     together = whole_terms(airflow, crowd)
-    gate = TermGate(flown, switches, target, airflow.turbulence or "", together, obstacle, motion.moved)
+    gate = TermGate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
     fractions, chosen = {}, {}
     for name, one in known.items():
         fractions[name], chosen[name] = _decide(gate, name, one)
@@ -363,7 +362,7 @@ def _airflow(scene: Scene, rung: str, target: float, switches: Mapping[str, bool
     if airflow.stepping != "time-resolved":
         return airflow, AirMotion()
     motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
-    if airflow.span is not None and motion.used:
+    if airflow.span and motion.used:
         raise SceneError(f"rung = {rung!r} holds the body still in the air, and here {motion.why}; choose standard")
     return replace(airflow, moving=motion.used), motion
 
@@ -460,7 +459,7 @@ def _sticking(scene: Scene, approaches: Mapping[str, Approach]) -> Iterator[Left
     """Of each fraction whose granules meet far heavier ones at the scene's feed rate: how much of it at most stays on
     those, the share that meets any, as meetings by chance are (Poisson).
     """
-    if scene.feed.rate is None:
+    if not scene.feed.rate:
         return
     mass = {name: float(np.median(granule_masses(scene, name))) for name in approaches}
     for name, own in approaches.items():

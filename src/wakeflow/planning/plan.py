@@ -14,11 +14,11 @@ from ..core.number import Most
 from ..core.record import column, to_json
 from ..laws.forces import forces
 from .airflow_choice import AirflowPlan
-from .carried_round import Deflection
 from .collisions import CollisionPlan
 from .coupling import Limit
 from .stages import StageCost
 from .terms import COLLISIONS, LeftOut
+from .uniform_fall import Deflection
 
 REPLICATES = 16  # independent randomised samples a fraction: 15 degrees of freedom for the interval
 AT_ONCE = 2**17  # granules that are fed and flown at a time

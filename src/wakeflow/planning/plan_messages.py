@@ -73,7 +73,7 @@ def used_lines(
     ``chain``: a scene with air is flown without.
     """
     yield from _airflow_lines(scene, airflow)
-    if airflow.span is not None:
+    if airflow.span:
         yield from span_lines(airflow.span, span_cost(scene, airflow))
     if chain:
         yield "no air: granules fly in parabolas from impact to impact (the chain); neither Gmsh nor OpenFOAM"
@@ -189,7 +189,7 @@ def _spread(scene: Scene, name: str) -> str:
 
 def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
     """The airflow that is computed, why, and what is computed in addition."""
-    if airflow.stepping is None:
+    if not airflow.stepping:
         yield from filter(None, (airflow.summary,))
         return
     part = ", half of the channel mirrored" if airflow.half else ""
@@ -199,7 +199,7 @@ def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
     cells, ranks = typical_cells(scene, airflow), scene.numerics.ranks
     shared = ranks_for(round(cells))[1] if ranks == "auto" else f"{ranks} MPI ranks, as numerics.ranks asks"
     yield f"about {cells:.0f} cells: {shared}"
-    if airflow.wake is not None:
+    if airflow.wake:
         theta, strength = airflow.wake.theta, airflow.wake.strength
         yield (
             f"wake: {theta.value:.2f} of the time-resolved mean and the rest of the steady one (theta {theta.low:.2f} "
@@ -211,9 +211,7 @@ def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
             f"beside it, for the error of the airflow's model: 1 in {REPLICATES // COMPARED} granules in "
             f"{len(beside)} other wakes: {', '.join(beside)}"
         )
-    if airflow.loaded and airflow.stepping is None:
-        yield "the air feels the granules: it is a jet under their force, gathered along tracks"
-    elif airflow.loaded:
+    if airflow.loaded:
         yield "the air feels the granules: it is solved under their force, gathered along tracks in the steady airflow"
     if len(airflow.scales) > 1:
         sizes = ", ".join(f"{scale:.2g}" for scale in airflow.scales)
@@ -268,7 +266,7 @@ def warning_lines(
     yield from lifting_notices(scene, fractions)
     yield from floor_notices(scene)
     yield from body_checks(scene)
-    if scene.feed.rate is not None:  # without one there is a rate only to give throughputs a scale
+    if scene.feed.rate:  # without one there is a rate only to give throughputs a scale
         yield from strained(validity, {LIFTED[term] for term in whole if term in LIFTED})
 
 

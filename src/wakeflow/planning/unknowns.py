@@ -15,9 +15,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import known
+from ..core.errors import SceneError, known
 from ..core.number import Number
-from ..core.quantities import split_quantity
+from ..core.quantities import say, split_quantity
 from ..core.registry import Registry
 from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_factor_for_terminal_velocity
@@ -28,9 +28,9 @@ from ..laws.material import WET, Moisture, default_margins, materials
 from ..laws.restitution import Restitution
 from ..laws.turbulence import LIFETIME, LIFETIMES
 from ..scene import Fraction, Scene
+from ..scene.changes import GranuleVariation, Variation
 from ..scene.uncertainty import SIGMAS as SIGMAS
-from ..scene.uncertainty import margins_of
-from ..scene.variation import GranuleVariation, Variation
+from ..scene.uncertainty import correlation_of, margins_of, orders_of, said_of
 from .airflow_choice import AirflowPlan
 from .plan import Plan
 
@@ -283,8 +283,8 @@ def _settles(scene: Scene, plan: Plan, name: str) -> bool:
 
 def _how_known(fraction: Fraction, _name: str) -> str:
     """How well it is known how granules turn: as their material's impact model is, or given."""
-    own = fraction.impact is not None or fraction.own_inertia is not None
-    return GIVEN if own or fraction.material is None else materials[fraction.material].evidence["impact"].confidence
+    own = fraction.impact or fraction.own_inertia
+    return GIVEN if own or not fraction.material else materials[fraction.material].evidence["impact"].confidence
 
 
 def _add_of_fractions(
@@ -342,11 +342,11 @@ def _moistures(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         fraction, key = scene.fraction[name], f"fraction.{name}.moisture"
         wet = _water(fraction)
         if _moved_by_water(scene, plan, name):
-            share = wet.middle if fraction.moisture is None else fraction.moisture
-            causes = _causes("moisture", fraction.material or "", METER)
+            share = fraction.moisture or wet.middle
+            causes = _causes("moisture", fraction.material, METER)
             if key in scene.uncertainty:
                 yield _unknown(scene, key, "moisture", share, "1", fraction=name)
-            elif fraction.moisture is not None:
+            elif fraction.moisture:
                 why = "a moisture meter (chosen)"
                 yield Unknown(key, "moisture", share, METER, METER, "1", why, name, causes)
             else:
@@ -411,14 +411,14 @@ def _of_scene(
 
 def _fall(scene: Scene, _: Plan) -> Iterator[Unknown]:
     """The height of the feed, or the speed that is given instead."""
-    start, unit = ("speed", "m/s") if scene.feed.height is None else ("height", "m")
+    start, unit = ("height", "m") if scene.feed.height else ("speed", "m/s")
     if value := getattr(scene.feed, start):
         yield _unknown(scene, f"feed.{start}", "feed_fall", value, unit)
 
 
 def _vary_fall(drawn: Drawn) -> Variation:
     """A height goes as the square of the speed that it gives."""
-    return replace(drawn.made, feed_fall=drawn.factor ** (2.0 if drawn.scene.feed.height is None else 1.0))
+    return replace(drawn.made, feed_fall=drawn.factor ** (1.0 if drawn.scene.feed.height else 2.0))
 
 
 def _entrainment(scene: Scene, plan: Plan) -> Iterator[Unknown]:
@@ -454,7 +454,7 @@ def _add_of_wake(name: Literal["theta", "strength"]) -> None:
 
     def acting_in(scene: Scene, plan: Plan) -> Iterator[Unknown]:
         airflow: AirflowPlan = plan.airflow
-        if airflow.wake is not None and airflow.brackets:
+        if airflow.wake and airflow.brackets:
             yield _ranged(scene, f"wake.{name}", getattr(airflow.wake, name), "measured wakes (laws/wakes.toml)")
 
     def vary(drawn: Drawn) -> Variation:
@@ -487,3 +487,80 @@ unknown_kinds.add(
 )
 _add_of_wake("theta")
 _add_of_wake("strength")
+
+
+# -- How the unknowns depend on each other: what moves together, and what is never above another -----------------------
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """The ``correlation`` (K, K) of the ``unknowns`` (K), and each pair of numbers of which the first is never above
+    the second, ``orders``: either may be exact.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    correlation: Array
+    orders: tuple[tuple[Unknown, Unknown], ...] = ()
+
+    @property
+    def of_air(self) -> NDArray[np.bool_]:
+        """Which unknowns (K,) are the air's, shared by several draws."""
+        return np.array([unknown_kinds[one.kind].of_air for one in self.unknowns], dtype=bool)
+
+    def joined(self, xi: Array) -> Array:
+        """Independent standard normal numbers ``xi`` (N, K) as standard normal ones that move together; those of the
+        air by each other alone, so that they stay shared. Without any correlation ``xi`` itself.
+        """
+        tied = np.count_nonzero(self.correlation) > len(self.unknowns)
+        return correlated(xi, self.correlation, self.of_air) if tied else xi
+
+    def kept(self, z: Array) -> NDArray[np.bool_]:
+        """Which draws (N,), each unknown ``z`` (N, K) standard deviations off, keep to the orders."""
+        column = {one.key: z[:, i] for i, one in enumerate(self.unknowns)}
+        exact, kept = np.zeros(len(z)), np.ones(len(z), dtype=bool)
+        for low, high in self.orders:
+            kept &= low.all_at(column.get(low.key, exact)) <= high.all_at(column.get(high.key, exact))
+        return kept
+
+    def among(self, which: NDArray[np.bool_]) -> Dependence:
+        """The same with the orders of ``which`` unknowns (K,) and exact numbers alone."""
+        others = {one.key for one, own in zip(self.unknowns, which, strict=True) if not own}
+        return replace(self, orders=tuple(pair for pair in self.orders if not others & {one.key for one in pair}))
+
+
+def dependence(scene: Scene, plan: Plan, unknowns: Sequence[Unknown]) -> Dependence:
+    """How the ``unknowns`` of ``scene`` under ``plan`` depend on each other: as the scene says of those that it names
+    in any tie, the others by their common causes. Raises SceneError as :func:`orders`.
+    """
+    correlation, said = correlation_of(scene.uncertainty, [one.key for one in unknowns]), said_of(scene.uncertainty)
+    causes = [{} if one.key in said else dict(one.causes) for one in unknowns]
+    every = sorted(set().union(*causes))
+    parts = np.array([[own.get(cause, 0.0) for cause in every] for own in causes]).reshape(len(causes), len(every))
+    common = parts @ parts.T
+    np.fill_diagonal(common, 0.0)
+    return Dependence(tuple(unknowns), correlation + common, orders(scene, plan))
+
+
+def orders(scene: Scene, plan: Plan) -> tuple[tuple[Unknown, Unknown], ...]:
+    """Each pair of numbers that act under ``plan`` of which the first is never above the second.
+
+    Raises SceneError where the scene's own first number is above the second.
+    """
+    pairs = orders_of(scene.uncertainty)
+    acting = {one.key: one for one in numbers(scene, plan)} if pairs else {}
+    found = tuple((acting[low], acting[high]) for low, high in pairs if low in acting and high in acting)
+    for low, high in found:
+        if low.value > high.value:
+            own, other = (f"{one.key} = {say(one.value, one.unit, 4)}" for one in (low, high))
+            raise SceneError(f"uncertainty.never_above: {own} is above {other}; change one, or leave this order out")
+    return found
+
+
+def correlated(xi: Array, covariance: Array, first: NDArray[np.bool_]) -> Array:
+    """Independent standard normal numbers ``xi`` (N, K) as numbers with a ``covariance`` (K, K). Those that are
+    ``first`` (K,) go with each other alone: what several rows have in common of them, they have in common still.
+    """
+    order = np.argsort(~first, kind="stable")
+    found = np.empty_like(xi)
+    found[:, order] = xi[:, order] @ np.linalg.cholesky(covariance[np.ix_(order, order)]).T
+    return found

@@ -40,7 +40,7 @@ class Wake(StrEnum):
     ANSWER = "answer"  # the answer's own
 
 
-def wakes_beside(brackets: bool, estimate: WakeEstimate | None) -> dict[Wake, tuple[float, float]]:
+def wakes_beside(brackets: bool, estimate: WakeEstimate) -> dict[Wake, tuple[float, float]]:
     """Theta and strength of the wakes in which part of the granules fly beside the answer's own.
 
     Around a best estimate: its two ends. Around a time-resolved wake that is the answer itself: the steady one, and two
@@ -48,7 +48,7 @@ def wakes_beside(brackets: bool, estimate: WakeEstimate | None) -> dict[Wake, tu
     """
     if not brackets:
         return {}
-    if estimate is None:
+    if not estimate:
         return {Wake.STEADY: (0.0, 0.0), Wake.MEAN: (1.0, 0.0), Wake.HALF: (1.0, 0.5)}
     return {Wake.STEADY: (0.0, 0.0), Wake.TIME_RESOLVED: (1.0, 1.0)}
 
@@ -64,7 +64,7 @@ def family_of(scene: Scene) -> ShapeFamily:
     (body, *others) = scene.body.values()
     outline = body.outline()
     standing = wall_edge(outline, scene.channel.width / 2)
-    if others or standing or (body.rounding or 0.0) > SHARP * scene.width:
+    if others or standing or body.rounding > SHARP * scene.width:
         return ShapeFamily()
     across, along = np.ptp(outline, axis=0)
     if body.shape == "rhombus":
@@ -119,7 +119,7 @@ def span_of(scene: Scene) -> Span:
         raise SceneError(f"rung = '3d' resolves a turbulent wake; at Re {reynolds:.3g} it is laminar: choose standard")
     if scene.air is not None and scene.air.profile == "parabolic":
         raise SceneError("rung = '3d': a parabolic inlet is laminar and its wake is not; air.profile = 'uniform'")
-    layers = asked.layers if asked.layers is not None else max(MIN_LAYERS, math.ceil(LAYERS_A_WIDTH * asked.depth))
+    layers = asked.layers or max(MIN_LAYERS, math.ceil(LAYERS_A_WIDTH * asked.depth))
     return Span(asked.depth, layers, asked.shedding_cycles)
 
 

@@ -108,7 +108,7 @@ def values(settings: RefinedSettings) -> dict[str, float]:
 
 def settings_of(scene: Scene, plan: Plan) -> RefinedSettings:
     """What the scene itself asks for, under its ``plan``."""
-    solved = plan.airflow.stepping is not None and plan.airflow.span is None
+    solved = plan.airflow.stepping and not plan.airflow.span
     sheds = solved and plan.airflow.stepping == "time-resolved"
     return RefinedSettings(
         granules=REPLICATES * replicate_size(scene.feed.count),

@@ -97,8 +97,8 @@ class OneRun:
             mesh, airflow = self._air()
             flown = self.flights if until in (None, "tracks") else None
         if flown is not None and airflow is not None:  # what is known of the field that granules fly in
-            airflow = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.air.truncation)
-        key, solver = self._key(flies=flown is not None), "" if airflow is None else pipeline.air.solver or ""
+            airflow = replace(airflow, divergence=pipeline.divergence, truncation=pipeline.air.field.truncation)
+        key, solver = self._key(flies=flown is not None), "" if airflow is None else pipeline.air.solver
         result = Result(
             schema=SCHEMA,
             scene=self.asked.tables(),
@@ -193,7 +193,7 @@ class OneRun:
         flies = until not in ("mesh", "airflow") or (until == "airflow" and pipeline.plan.airflow.loaded)
         if flies and not pipeline.air.at_once:
             pipeline.compile_in_background()
-        mesh = pipeline.air.mesh_quality
+        mesh = pipeline.air.mesh_quality or None
         if until == "mesh":
             return mesh, None
         airflow = pipeline.airflow
@@ -201,7 +201,7 @@ class OneRun:
         loading = None if pipeline.loading is None else pipeline.loading.summary
         fan = airflow.by_fan(scene, loaded=loading is not None)
         table = replace(airflow, grids=studies, momentum=airflow.by_momentum(scene), loading=loading, fan=fan)
-        return mesh, with_mesh_error(table, studies or ())
+        return mesh, with_mesh_error(table, studies)
 
     def _answered(self, result: Result, flights: Flights) -> Result:
         """The result with its shares, and all that is known of their errors."""

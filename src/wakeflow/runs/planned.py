@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..air.kinds.realisations import Realisations
+from ..air.kinds.airflow_kinds import Realisations
 from ..answer.budget.source import in_order
 from ..answer.separation import separate
 from ..answer.shares import Separation, WithShares

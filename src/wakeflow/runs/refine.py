@@ -111,7 +111,7 @@ def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:
         return OTHERS.get(source, "nothing in this version computes it")
     key = source if source in WHOLE_RUN else f"{found.name}.{source}"
     try:
-        check_switches(plan.airflow.flown(scene), {key: True}, plan.airflow.turbulence or "")
+        check_switches(plan.airflow.flown(scene), {key: True}, plan.airflow.turbulence)
     except SceneError as problem:
         return str(problem).partition(": ")[2]
     return f"--force {key}=on"

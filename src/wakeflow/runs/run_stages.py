@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -70,7 +71,7 @@ def stages_of(
         plan = plan_of(fed)  # the bounds on loading follow the rate
         pipeline = replace(pipeline, scene=plan.airflow.flown(fed), plan=plan)
     fan = None if pipeline.scene.air is None else pipeline.scene.air.fan
-    if fan is not None and plan.airflow.stepping is not None and request.until not in ("funnel", "mesh"):
+    if fan is not None and plan.airflow.stepping and request.until not in ("funnel", "mesh"):
         pipeline = _blown(pipeline, plan_of)
     return pipeline, poured
 
@@ -86,7 +87,8 @@ def _blown(pipeline: Pipeline, plan_of: Callable[[Scene], Plan]) -> Pipeline:
         for _ in range(FEW):
             scene, air = pipeline.scene, pipeline.air if own else pipeline.airs.bare_steady[0]
             found, speed = known(air.numbers.by_fan(scene, loaded=loaded)), scene.airstream.speed
-            if found.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed)) or found.meets is None:
+            near = found.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed))
+            if near or math.isnan(found.meets):
                 break
             pipeline.listener("airflow", f"the fan has the air at {found.meets:.3g} m/s by its drop, not {speed:.3g}")
             blown = scene.replace({CHANNEL: air.numbers.loss(scene, loaded=loaded)})
@@ -117,12 +119,12 @@ def _neighbour(folder: Path, before: tuple[Path, ...], listener: Listener) -> Pi
 
 def _fed(scene: Scene, poured: FunnelSummary) -> Scene:
     """The scene with the funnel's rate as its feed's. Raises SceneError where it needs one and the flow stopped."""
-    if poured.rate is None and scene.feed.rate is None:
+    if not poured.rate and not scene.feed.rate:
         raise SceneError(
             f"funnel: the flow stops with {poured.left} of {poured.beads} beads inside; widen "
             "funnel.orifice, shake it harder (funnel.gamma) or give feed.rate"
         )
-    return scene.fed(None if poured.rate is None else poured.rate.value)
+    return scene.fed(poured.rate.value if poured.rate else None)
 
 
 def airflow_key(scene: Scene, plan: Plan) -> str:

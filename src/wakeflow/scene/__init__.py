@@ -15,10 +15,9 @@ if TYPE_CHECKING:
     from .bins import Bin
     from .checks import OVER_THE_TOP
     from .feed import CollisionTable, Feed, Funnel, Profile
-    from .fraction import Fraction, Size, Speeds
+    from .fraction import Coefficient, Fraction, Rebound, Size, Speeds
     from .machine import Air, Body, Channel, Inlet, Samples, Vibration
     from .pictures import Picture, picture_tables
-    from .rebound import Coefficient, Rebound
     from .scene import Scene, units_written
     from .table import RESERVED_BIN, Table
     from .whole import Numerics, SceneTables

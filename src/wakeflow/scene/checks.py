@@ -153,7 +153,7 @@ def _tracked_impact(scene: SceneTables) -> Iterator[str]:
 def _rate_can_fall(scene: SceneTables) -> Iterator[str]:
     """Refuse a curtain that would be denser than its granules: the rate of another unit than was meant."""
     feed, speed = scene.feed, scene.feed.fall_speed
-    if feed.rate is None or feed.start == "resting" or speed == 0.0:
+    if not feed.rate or feed.start == "resting" or speed == 0.0:
         return
     densest = max(fraction.properties.density for fraction in scene.fraction.values())
     most = densest * speed * feed.width * feed.depth
@@ -193,7 +193,7 @@ def _air_is_known_without_a_body(scene: SceneTables) -> Iterator[str]:
     air, channel = scene.air, scene.channel
     if channel.inlet:
         yield "channel.inlet: secondary streams are computed only round a body; add one, or leave them out"
-    if air is not None and air.case is not None:
+    if air is not None and air.case:
         yield "air.case: give the bodies of the case; without one the air is known and needs no case"
     elif air is not None and not air.still and (air.profile == "parabolic") != (channel.walls == "no-slip"):
         yield (
@@ -204,7 +204,7 @@ def _air_is_known_without_a_body(scene: SceneTables) -> Iterator[str]:
 
 def _shares_add_up(scene: SceneTables) -> Iterator[str]:
     given = [f.mass_share for f in scene.fraction.values()]
-    if any(s is not None for s in given) and any(s is None for s in given):
+    if any(given) and not all(given):
         yield "fraction: give mass_share for every fraction or for none"
     total = sum(scene.mass_shares().values())
     if abs(total - 1.0) > 1e-6:
@@ -280,7 +280,7 @@ def _pictures_fit(scene: SceneTables) -> Iterator[str]:
         key = f"picture.{name}"
         if name in STANDARD_FIGURES:
             yield f"{key}: every run draws one of this name; choose another"
-        for item in picture.fractions or []:
+        for item in picture.fractions:
             if item not in known:
                 yield f"{key}.fractions: no fraction {item!r}{did_you_mean(item, known)} (known: {', '.join(known)})"
         if isinstance(picture, Streamlines) and (scene.air is None or scene.air.still or not scene.body):

@@ -68,7 +68,7 @@ def fan_point(scene: Blown, fan: Fan) -> FanPoint:
         return np.maximum(flow - beside, 0.0) / section
 
     def rest(flow: Array) -> Array:
-        drop = 0.0 if fan.rest_flow is None else fan.rest_drop / fan.rest_flow**2
+        drop = fan.rest_drop / fan.rest_flow**2 if fan.rest_flow else 0.0
         return np.asarray(drop * flow**2 + 0.5 * air.density * fan.rest_loss * speed(flow) ** 2)
 
     def through(flow: Array, part: float = 1.0) -> Array:
@@ -109,7 +109,7 @@ def _feed_load(scene: Blown, speeds: Array) -> Array:
     off; negative in downward air, where it drives. None without a feed.rate, and of what gravity pulls across.
     """
     along = scene.gravity * math.cos(scene.channel.tilt)
-    if scene.feed.rate is None or along < 1e-6:
+    if not scene.feed.rate or along < 1e-6:
         return np.zeros(len(speeds))
     above, start = scene.release
     channel, begins = scene.channel, scene.level + above

@@ -15,6 +15,7 @@ from ..laws.profile import crowding, profiles
 from ..laws.restitution import restitution_at
 from ..laws.streams import beverloo
 from .table import (
+    UNSET,
     AnyAngle,
     Array,
     Coordinate,
@@ -62,8 +63,8 @@ class Feed(Weighed):
     start: Literal["falling", "resting"] = Field(
         "falling", description="resting: granules lie still on the body when its vibration begins"
     )
-    height: Length | None = Field(
-        None, description="of free fall from rest down to the top of the body; without a body down to level"
+    height: Annotated[Length, UNSET] = Field(
+        0.0, description="of free fall from rest down to the top of the body; without a body down to level"
     )
     speed: Speed | None = Field(None, description="instead of height: speed at the top of the body, or at level")
     level: Coordinate | None = Field(
@@ -81,8 +82,8 @@ class Feed(Weighed):
         Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
     )
     depth: Length = Field(1.0, description="of the machine, across the plane")
-    rate: MassRate | None = Field(
-        None, description="mass flow of all fractions, or by depth, '800 kg/h/m'; default 1 kg/s per metre of depth"
+    rate: Annotated[MassRate, UNSET] = Field(
+        0.0, description="mass flow of all fractions, or by depth, '800 kg/h/m'; default 1 kg/s per metre of depth"
     )
     count: Annotated[int, Field(ge=16, le=10_000_000)] = Field(16384, description="granules tracked per fraction")
     seed: Annotated[int, Field(ge=0)] = 0
@@ -108,9 +109,9 @@ class Feed(Weighed):
     @model_validator(mode="after")
     def _one_start(self) -> Feed:
         if self.start == "resting":
-            if self.height is not None or self.speed is not None or self.mode == "injected":
+            if self.height or self.speed is not None or self.mode == "injected":
                 raise SceneError("granules that start resting take neither height nor speed, and are not injected")
-        elif (self.height is None) == (self.speed is None):
+        elif (self.height > 0.0) == (self.speed is not None):
             raise SceneError("give either height or speed")
         self.profile.quantile(np.array([0.5]), self.width)
         if (self.direction is not None or self.scatter > 0.0) and self.speed is None:
@@ -142,23 +143,23 @@ class Feed(Weighed):
         """Fall speed (m/s) at the top of the body, or at level, by free fall without air: the paper's V0."""
         if self.speed is not None:
             return self.speed
-        return math.sqrt(2 * self.gravity * (self.height or 0.0))
+        return math.sqrt(2 * self.gravity * self.height)
 
     @property
     def mass_flow(self) -> float:
         """kg/s of all fractions together."""
-        return self.rate if self.rate is not None else self.depth * 1.0
+        return self.rate or self.depth * 1.0
 
 
 # -- [collisions] ------------------------------------------------------------------------------------------------------
 class CollisionTable(Table):
     """[collisions]: granules among themselves; whether their meetings are computed the plan decides, or --force."""
 
-    depth: Length | None = Field(
-        None, description="of the slab across the picture, periodic; default 15 of the coarsest granules' diameters"
+    depth: Annotated[Length, UNSET] = Field(
+        0.0, description="of the slab across the picture, periodic; default 15 of the coarsest granules' diameters"
     )
-    count: Annotated[int, Field(ge=16, le=10_000_000)] | None = Field(
-        None, description="granules of a fraction that count in the slab; default what numerics.target_error needs"
+    count: Annotated[int, Field(ge=16, le=10_000_000), UNSET] = Field(
+        0, description="granules of a fraction that count in the slab; default what numerics.target_error needs"
     )
     restitution: Annotated[float, Field(ge=0, le=1)] = Field(0.5, description="of one granule on another")
     friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="of one granule on another")
@@ -182,8 +183,8 @@ class Funnel(Weighed):
     )
     orifice: Length = Field(0.010, description="inner diameter of the outlet")
     half_angle: SlopeAngle = Field(math.radians(30), description="of the cone, its wall from the vertical")
-    width: Length | None = Field(
-        None, description="inner diameter of the straight part above the cone; default: as needed"
+    width: Annotated[Length, UNSET] = Field(
+        0.0, description="inner diameter of the straight part above the cone; default: as needed"
     )
     material: str = Field("glass-beads", description="one of: " + ", ".join(materials))
     low: Diameter = Field(1.1e-3, description="smallest bead; sizes are uniform between low and high")
@@ -192,8 +193,8 @@ class Funnel(Weighed):
         default_factory=lambda given: materials[given["material"]].density,
         description="of a bead; default: the material's",
     )
-    mass: Mass | None = Field(None, description="of all beads; default 35 g")
-    count: Annotated[int, Field(ge=10, le=MAX_BEADS)] | None = Field(None, description="of beads, instead of mass")
+    mass: Annotated[Mass, UNSET] = Field(0.0, description="of all beads; default 35 g")
+    count: Annotated[int, Field(ge=10, le=MAX_BEADS), UNSET] = Field(0, description="of beads, instead of mass")
     restitution: Annotated[float, Field(gt=0.05, le=1)] = Field(
         default_factory=lambda given: float(restitution_at(materials[given["material"]].restitution, USUAL)),
         description="default: the material's",
@@ -204,7 +205,7 @@ class Funnel(Weighed):
     wall_friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="bead on the cone: a matte print")
     rolling_friction: Annotated[float, Field(ge=0, le=1)] = 0.0
     youngs_modulus: Modulus = Field(5e6, description="of beads and wall; softened: glass has 6e10 Pa")
-    frequency: Frequency | None = Field(None, description="of the vertical vibration")
+    frequency: Annotated[Frequency, UNSET] = Field(0.0, description="of the vertical vibration")
     gamma: Annotated[float, Field(ge=0, le=50)] = Field(0.0, description="peak acceleration over g; 0: at rest")
     steps_per_contact: Annotated[int, Field(ge=10, le=500)] = Field(
         25, description="time steps in the duration of a collision"
@@ -226,13 +227,13 @@ class Funnel(Weighed):
             raise SceneError(
                 f"high = {metres(self.high)} is over twice low = {metres(self.low)}: give a narrower range"
             )
-        if self.mass is not None and self.count is not None:
+        if self.mass and self.count:
             raise SceneError("give either mass or count")
-        if self.gamma > 0 and self.frequency is None:
+        if self.gamma > 0 and not self.frequency:
             raise SceneError(f"gamma = {self.gamma:g} needs a frequency")
         if self.orifice < 2 * self.high:
             raise SceneError(f"orifice = {metres(self.orifice)}: no two beads of {metres(self.high)} pass side by side")
-        if self.width is not None and self.width < 1.5 * self.orifice:
+        if self.width and self.width < 1.5 * self.orifice:
             raise SceneError(
                 f"width = {metres(self.width)} must be at least 1.5 times orifice = {metres(self.orifice)}"
             )
@@ -254,9 +255,7 @@ class Funnel(Weighed):
     @property
     def beads(self) -> int:
         """How many beads there are."""
-        if self.count is not None:
-            return self.count
-        return round((0.035 if self.mass is None else self.mass) / self.bead_mass)
+        return self.count or round((self.mass or 0.035) / self.bead_mass)
 
     @property
     def total_mass(self) -> float:
@@ -266,7 +265,7 @@ class Funnel(Weighed):
     @property
     def shaken_at(self) -> float:
         """Frequency (Hz) of the wall's motion; 0 at rest."""
-        return 0.0 if self.frequency is None or self.gamma == 0 else self.frequency
+        return self.frequency if self.gamma else 0.0
 
     @property
     def amplitude(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
+from statistics import NormalDist
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -16,10 +17,11 @@ from ..laws.collision import impact_models
 from ..laws.drag import drag_laws
 from ..laws.flake import shape_of
 from ..laws.material import Material, materials
+from ..laws.restitution import Restitution, restitution_laws
 from ..laws.size import sizes, within
-from .rebound import Coefficient, Rebound
 from .table import (
     SHARE,
+    UNSET,
     Array,
     Diameter,
     LawTable,
@@ -33,6 +35,86 @@ from .table import (
     made_by,
     parameters,
 )
+
+# -- How granules rebound: a law of the approach speed, or how a coefficient spreads over them -------------------------
+CUT = 0.05  # of a normal distribution: where more lies outside what a coefficient can be, it is not one
+
+
+@parameters(
+    value=(Annotated[float, Field(ge=0, le=1)], "restitution measured at one speed"),
+    at=(PositiveSpeed, "that speed, normal to the wall"),
+    exponent=(Annotated[float, Field(ge=1e-3, le=2)], "power: 0.25"),
+    most=(Annotated[float, Field(ge=1e-3, le=1)], "power, elastic-plastic: largest value, 0.99"),
+    speeds=(list[PositiveSpeed], "table: approach speeds, rising"),
+    values=(list[Annotated[float, Field(ge=0, le=1)]], "table: restitution at each"),
+)
+class Rebound(LawTable):
+    """A restitution law of the normal approach speed: ``law`` and its parameters."""
+
+    law: str = Field(description="one of: " + ", ".join(restitution_laws))
+
+    @model_validator(mode="after")
+    def _is_a_law(self) -> Rebound:
+        assert self.of_speed is not None
+        return self
+
+    @property
+    def of_speed(self) -> Restitution:
+        """The law itself. Raises SceneError for parameters that are missing, that the law does not have, or that are
+        out of range.
+        """
+        return Restitution(self.law, **self.given)
+
+
+@parameters(
+    mean=Annotated[float, Field(ge=0, le=10)],
+    std=Annotated[float, Field(ge=0, le=5)],
+    low=Annotated[float, Field(ge=0, le=10)],
+    high=Annotated[float, Field(ge=0, le=10)],
+)
+class Coefficient(LawTable):
+    """A coefficient of restitution or friction that each granule has of its own."""
+
+    distribution: Literal["normal", "uniform"] = Field(
+        "normal", description="normal: mean and std, cut off where no coefficient is; uniform: low and high"
+    )
+
+    @classmethod
+    def means(cls, table: Mapping[str, object] | Table) -> bool:
+        """Whether a table, of which other kinds may be in its place, is of this one by its keys."""
+        if not isinstance(table, Mapping):
+            return isinstance(table, cls)
+        return "law" not in table and not table.keys().isdisjoint(cls.model_fields)
+
+    @model_validator(mode="after")
+    def _is_complete(self) -> Coefficient:
+        wanted = ("mean", "std") if self.distribution == "normal" else ("low", "high")
+        given = self.given
+        if tuple(given) != wanted:
+            result = ", ".join(given) or "nothing"
+            raise SceneError(f"a {self.distribution} distribution takes {' and '.join(wanted)}, not {result}")
+        if "low" in given and not given["low"] < given["high"]:
+            raise SceneError(f"low = {given['low']:g} must be below high = {given['high']:g}")
+        return self
+
+    def quantile(self, p: Array, most: float) -> Array:
+        """Coefficients below which the shares ``p`` of the granules lie; none is larger than ``most``.
+
+        Raises SceneError where the distribution goes beyond what the coefficient can be.
+        """
+        given = self.given
+        largest = "high" if self.distribution == "uniform" else "mean"
+        if given[largest] > most:
+            raise SceneError(f"{largest} = {given[largest]:g} is more than {most:g}")
+        if self.distribution == "uniform":
+            return sizes["uniform"](p, **given)
+        if (std := given["std"]) > 0.0:
+            law = NormalDist(given["mean"], std)
+            lost = law.cdf(0.0) + (0.0 if math.isinf(most) else 1.0 - law.cdf(most))
+            if lost > CUT:
+                raise SceneError(f"std = {std:g} puts {lost:.0%} outside 0 to {most:g}; use uniform, low and high")
+        return within(p, **given, low=0.0, high=most)
+
 
 # -- How sizes and measured terminal velocities spread over the mass of a fraction -------------------------------------
 OF_SPEEDS = {"low", "high", "mean", "std", "median", "geometric_std"}  # parameters that mean the same for any quantity
@@ -77,7 +159,7 @@ class Size(SpreadTable):
 
     laws: ClassVar = sizes
     distribution: str = Field(description="one of: " + ", ".join(sizes))
-    file: str | None = Field(None, description="a CSV file of a sieve analysis, instead of all other keys")
+    file: Annotated[str, UNSET] = Field("", description="a CSV file of a sieve analysis, instead of all other keys")
 
 
 @parameters(**dict.fromkeys(("low", "high", "mean", "std", "median"), PositiveSpeed), geometric_std=Factor)
@@ -110,13 +192,13 @@ def _number_law_or_table(value: object) -> str:
 class Fraction(Table):
     """[fraction.NAME]: a class of granules; what is not given comes from its material."""
 
-    material: str | None = Field(None, description="one of: " + ", ".join(materials))
+    material: Annotated[str, UNSET] = Field("", description="one of: " + ", ".join(materials))
     size: (
         Annotated[Size, Shorthand(Diameter, lambda diameter: {"distribution": "single", "diameter": diameter})] | None
     ) = Field(None, description="one diameter, or a distribution by mass")
     density: MassDensity | None = None
-    sphericity: Annotated[float, Field(gt=0.05, le=1)] | None = Field(
-        None, description="surface of the equal sphere over surface"
+    sphericity: Annotated[float, Field(gt=0.05, le=1), UNSET] = Field(
+        0.0, description="surface of the equal sphere over surface"
     )
     terminal_velocity: (
         Annotated[
@@ -129,7 +211,7 @@ class Fraction(Table):
         description="measured in air at 20 C, drag is calibrated to it: a number is that of the median size, a table "
         "spreads it over the granules whatever their sizes",
     )
-    drag: str | None = Field(None, description="drag law, one of: " + ", ".join(drag_laws))
+    drag: Annotated[str, UNSET] = Field("", description="drag law, one of: " + ", ".join(drag_laws))
     restitution: (
         Annotated[
             Annotated[float, Field(ge=0, le=1), SHARE, Tag("[number]")]
@@ -154,42 +236,42 @@ class Fraction(Table):
     tangential_restitution: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
         None, description="part of its slip that a contact which sticks gives back, of granules that turn"
     )
-    capture_speed: PositiveSpeed | None = Field(
-        None, description="granules that come to a wall with a slower normal velocity stay there; default: all rebound"
+    capture_speed: Annotated[PositiveSpeed, UNSET] = Field(
+        0.0, description="granules that come to a wall with a slower normal velocity stay there; default: all rebound"
     )
     sticks: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
         None, description="part of those that stays, at each impact, where it is not all; without capture_speed: of all"
     )
-    impact: str | None = Field(
-        None,
+    impact: Annotated[str, UNSET] = Field(
+        "",
         description="how a blow turns it, one of: " + ", ".join(impact_models) + "; default that of its material, else "
         "paper: a point mass, all granules alike but for what the fraction itself spreads",
     )
-    own_inertia: Annotated[float, Field(ge=0.01, le=1)] | None = Field(
-        None, alias="inertia", description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
+    own_inertia: Annotated[float, Field(ge=0.01, le=1), UNSET] = Field(
+        0.0, alias="inertia", description="I / (m r^2), instead of impact: 0.4 sphere, 0.5 disc"
     )
-    dimensions: Annotated[list[Diameter], Field(min_length=3, max_length=3)] | None = Field(
-        None,
+    dimensions: Annotated[list[Diameter], Field(min_length=3, max_length=3), UNSET] = Field(
+        [],
         description="length, width and thickness, of which the proportions count: by them granules meet each other "
         "(default a ball) and a flake is thrown",
     )
-    mass_share: Portion | None = Field(None, description="of the feed; shares add up to 1; default: equal")
-    target: str | Annotated[list[str], Field(min_length=1)] | None = Field(
-        None, description="the bin, or bins, where it should land"
+    mass_share: Annotated[Portion, UNSET] = Field(0.0, description="of the feed; shares add up to 1; default: equal")
+    target: Annotated[str | Annotated[list[str], Field(min_length=1)], UNSET] = Field(
+        "", description="the bin, or bins, where it should land"
     )
 
-    moisture: Annotated[float, Field(gt=0, lt=1), WithUnit("1", "14 %")] | None = Field(
-        None, description="share of water, of the whole mass, of a material of which that was measured"
+    moisture: Annotated[float, Field(gt=0, lt=1), WithUnit("1", "14 %"), UNSET] = Field(
+        0.0, description="share of water, of the whole mass, of a material of which that was measured"
     )
 
     @model_validator(mode="after")
     def _complete(self) -> Fraction:
         self._check_source()
-        if self.sphericity is not None and self.terminal_velocity is not None:
+        if self.sphericity and self.terminal_velocity is not None:
             raise SceneError("give sphericity or terminal_velocity, not both")
-        if self.impact is not None:
+        if self.impact:
             impact_models[self.impact]
-            if self.own_inertia is not None:
+            if self.own_inertia:
                 raise SceneError("give impact or inertia, not both")
         for name in COEFFICIENTS:
             self._middle(name)
@@ -197,15 +279,15 @@ class Fraction(Table):
             raise SceneError("impact = 'flake' needs dimensions = [length, width, thickness]")
         if self.tangential_restitution and math.isinf(self.inertia):
             raise SceneError("tangential_restitution is of granules that turn; give an impact model or inertia too")
-        if self.drag is not None and drag_laws[self.drag].uses_sphericity != (self.sphericity is not None):
-            verb = "has no" if self.sphericity is not None else "needs a"
+        if self.drag and drag_laws[self.drag].uses_sphericity != (self.sphericity > 0.0):
+            verb = "has no" if self.sphericity else "needs a"
             raise SceneError(f"drag = {self.drag!r} {verb} sphericity")
         return self
 
     def _check_source(self) -> None:
         """Raise SceneError where neither a material nor the fraction says what its granules are."""
-        if self.material is None:
-            if self.moisture is not None:
+        if not self.material:
+            if self.moisture:
                 raise SceneError("moisture changes what a material says; without one give the numbers at your moisture")
             missing = [k for k in ("size", "density", "restitution", "friction") if getattr(self, k) is None]
             if missing:
@@ -214,14 +296,14 @@ class Fraction(Table):
         try:
             _ = self._source
         except SceneError as problem:
-            about = "" if self.moisture is None else f"moisture = {100 * self.moisture:g} %: "
+            about = f"moisture = {100 * self.moisture:g} %: " if self.moisture else ""
             raise SceneError(f"{about}{problem}") from None
 
     @property
     def _source(self) -> Material:
         """Its material, as it is at the fraction's moisture; UNNAMED without one."""
-        result = UNNAMED if self.material is None else materials[self.material]
-        return result if self.moisture is None else result.at_moisture(self.moisture)
+        result = materials[self.material] if self.material else UNNAMED
+        return result.at_moisture(self.moisture) if self.moisture else result
 
     def _or_material(self, name: str) -> Any:
         value = getattr(self, name)
@@ -234,7 +316,7 @@ class Fraction(Table):
         """
         value, source = self.terminal_velocity, self._source
         terminal = float(value.quantile(np.array([0.5]))[0]) if isinstance(value, Speeds) else value
-        if terminal is None and self.sphericity is None:
+        if terminal is None and not self.sphericity:
             terminal = source.terminal_velocity
         return Material(
             diameter=float(self.diameters(np.array([0.5]))[0]),
@@ -249,9 +331,13 @@ class Fraction(Table):
             impact=self.impact_model,
         )
 
+    def _gives(self, name: str) -> bool:
+        """Whether it says a number of a key ``name`` itself."""
+        return name in self.model_fields_set and getattr(self, name) is not None
+
     def confidence_in(self, name: str) -> str:
         """How well one of its numbers, of a key ``name``, is known: that of its material's, or given."""
-        if getattr(self, name) is not None:
+        if self._gives(name):
             return UNNAMED.confidence
         return self._source.confidence_in({"size": "diameter"}.get(name, name))
 
@@ -269,7 +355,7 @@ class Fraction(Table):
 
     def evidence(self, name: str) -> tuple[str, str]:
         """How far to trust a property of its granules, called as a material's, and where it is from."""
-        if self.material is None or getattr(self, "size" if name == "diameter" else name) is not None:
+        if not self.material or self._gives("size" if name == "diameter" else name):
             return "given", "the scene"
         material = materials[self.material]
         found = material.evidence.get(name, material)
@@ -309,12 +395,12 @@ class Fraction(Table):
     @property
     def inertia(self) -> float:
         """I / (m r^2): given, or its impact model's; infinite for a point mass, which does not turn."""
-        return impact_models[self.impact_model].inertia if self.own_inertia is None else self.own_inertia
+        return self.own_inertia or impact_models[self.impact_model].inertia
 
     @property
     def flake(self) -> bool:
         """Whether its granules are thin plates, whose spin after a blow is drawn."""
-        return self.own_inertia is None and impact_models[self.impact_model].flake
+        return not self.own_inertia and impact_models[self.impact_model].flake
 
     @property
     def _dimensions(self) -> Sequence[float]:
@@ -337,14 +423,13 @@ class Fraction(Table):
         """Name of the drag law: as given, else Haider & Levenspiel's of flakes and with a sphericity, else Brown &
         Lawler's.
         """
-        return self.drag or ("brown-lawler" if self.sphericity is None and not self.flake else "haider-levenspiel")
+        return self.drag or ("haider-levenspiel" if self.sphericity or self.flake else "brown-lawler")
 
     @property
     def targets(self) -> tuple[str, ...]:
         """The bins where this fraction should land; empty when none was named."""
-        if self.target is None:
-            return ()
-        return (self.target,) if isinstance(self.target, str) else tuple(self.target)
+        named = [self.target] if isinstance(self.target, str) else self.target
+        return tuple(filter(None, named))
 
     @property
     def measured_settling(self) -> tuple[float, float, float] | None:
@@ -373,7 +458,7 @@ class Fraction(Table):
         source = self.spread_material
         if source.terminal_velocity is None or source.terminal_velocity_std == 0.0:
             return None
-        if any(value is not None for value in (self.size, self.density, self.sphericity, self.terminal_velocity)):
+        if self.sphericity or any(value is not None for value in (self.size, self.density, self.terminal_velocity)):
             return None
         return sizes["normal"](p, mean=source.terminal_velocity, std=source.terminal_velocity_std)
 

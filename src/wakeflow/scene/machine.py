@@ -1,9 +1,10 @@
-"""[body.NAME], [channel], [air] and [vibration]: the machine."""
+"""[body.NAME], [channel], [air] and [vibration]: the machine, and where down is in it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Literal
 
@@ -20,6 +21,7 @@ from ..laws.operating_point import FanPoint
 from ..laws.shape import shapes
 from ..laws.vibration import Record, integrated
 from .table import (
+    UNSET,
     AirFlow,
     AnyAngle,
     Array,
@@ -78,8 +80,8 @@ class Body(LawTable):
 
     model_config = ConfigDict(json_schema_extra=_shape_or_drawing)
     shape: str = Field(description="one of: " + ", ".join(shapes))
-    rounding: Length | None = Field(
-        None, description="radius of all edges; width and height are those of the sharp shape"
+    rounding: Annotated[Length, UNSET] = Field(
+        0.0, description="radius of all edges; width and height are those of the sharp shape"
     )
     at: Point = Field([0.0, 0.0], description="where the body's centre is")
 
@@ -92,7 +94,7 @@ class Body(LawTable):
     def outline(self) -> Array:
         """Corners (k, 2) in the scene's frame (m), counter-clockwise."""
         sharp = made_by(shapes, self.shape, **self.given)
-        return np.asarray((sharp if self.rounding is None else rounded(sharp, self.rounding)) + np.asarray(self.at))
+        return np.asarray((rounded(sharp, self.rounding) if self.rounding else sharp) + np.asarray(self.at))
 
 
 class Inlet(Table):
@@ -147,7 +149,9 @@ class Fan(LawTable):
         1.0, description="turns over those of the curve: flow grows with it, pressure with its square"
     )
     rest_drop: Drop = Field(0.0, description="of ducts, filter, cyclone and damper together at rest_flow")
-    rest_flow: AirFlow | None = Field(None, description="at which rest_drop was measured; it grows with the square")
+    rest_flow: Annotated[AirFlow, UNSET] = Field(
+        0.0, description="at which rest_drop was measured; it grows with the square"
+    )
     rest_loss: Loss = Field(0.0, description="instead: their drop over density speed^2 / 2 of the channel's mean speed")
     channel_loss: Loss | None = Field(
         None, description="the same of channel and bodies, at first; default estimated. A run computes it"
@@ -163,7 +167,7 @@ class Fan(LawTable):
         flow = given.get("flow", (0.0, 1.0))
         if len(flow) != len(given.get("pressure", flow)) or len(flow) < 2 or flow[0] != 0.0 or not rise(flow):
             raise SceneError("the curve needs as many pressures as flows, two at least; flows rise from 0")
-        if (self.rest_drop > 0.0) != (self.rest_flow is not None and self.rest_flow > 0.0):
+        if (self.rest_drop > 0.0) != (self.rest_flow > 0.0):
             raise SceneError("rest_drop is that at rest_flow: give both, above 0")
         return self
 
@@ -222,7 +226,7 @@ class Air(Table):
     profile: Literal["uniform", "parabolic"] = Field(
         "uniform", description="at the inlet; parabolic: fully developed laminar flow, speed is its mean"
     )
-    case: str | None = Field(None, description="folder of a solved OpenFOAM case, relative to the scene file")
+    case: Annotated[str, UNSET] = Field("", description="folder of a solved OpenFOAM case, relative to the scene file")
     time: Literal["latest", "mean", "all"] | None = Field(
         None, description="of the case: its last time (default), the mean of its times, or all of them"
     )
@@ -269,7 +273,7 @@ class Air(Table):
     def _moves_or_rests(self) -> Air:
         if 0.0 < self.speed < SLOWEST_AIR:
             raise SceneError(f"speed = {self.speed:g} m/s: at least {SLOWEST_AIR:g} m/s, or 0 for air at rest")
-        if self.still and self.case is not None:
+        if self.still and self.case:
             raise SceneError("speed = 0 does not go with case: the case says how fast its air is")
         if self.still and self.profile != "uniform":
             raise SceneError("speed = 0 does not go with profile: air at rest has none")
@@ -277,9 +281,9 @@ class Air(Table):
 
     @model_validator(mode="after")
     def _case_alone(self) -> Air:
-        if self.case is None and self.time is not None:
+        if self.time and not self.case:
             raise SceneError("time is for a case of your own: give case as well")
-        if self.case is not None and self.profile != "uniform":
+        if self.case and self.profile != "uniform":
             raise SceneError("profile does not go with case: the case has its own inlet")
         return self
 
@@ -396,3 +400,86 @@ class Vibration(Weighed, LawTable):
         if self.samples is not None:
             return self.record.peak_acceleration / self.gravity
         return float(np.linalg.norm(self.displacement)) * self.omega**2 / self.gravity
+
+
+# -- Where down is: gravity at an angle to the channel, and the feed, which hangs with it ------------------------------
+# Coordinates are the channel's, which stands upright in them; a tilt turns gravity. The feed is described as in an
+# upright channel, as a curtain that falls along -y, and turns with gravity about the curtain's middle at the feed's
+# level. An upright channel's points and velocities are given back as they are, to the last bit.
+CLEAR = 1e-3  # of its radius: how far from the wall beside it a granule may begin at the least
+ALONG = 1e-9  # sine of the angle to a border below which a line never comes to it: round-off
+
+
+@dataclass(frozen=True)
+class Plumb:
+    """Gravity turned by ``tilt`` (rad) from -y towards +x; ``pivot`` (m): the point about which the feed turns;
+    ``left``, ``right``, ``low``, ``high`` (m) of the channel; ``strength`` of gravity (m/s2).
+    """
+
+    tilt: float
+    pivot: tuple[float, float]
+    left: float
+    right: float
+    low: float
+    high: float
+    strength: float = GRAVITY
+
+    @property
+    def upright(self) -> bool:
+        """Whether gravity points down the channel's axis."""
+        return self.tilt == 0.0
+
+    @property
+    def down(self) -> Array:
+        """Unit vector (2,) of gravity."""
+        return np.array([math.sin(self.tilt), -math.cos(self.tilt)])
+
+    @property
+    def across(self) -> Array:
+        """Unit vector (2,) at a right angle to gravity; +x in an upright channel."""
+        return np.array([math.cos(self.tilt), math.sin(self.tilt)])
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """m/s2."""
+        return self.strength * float(self.down[0]), self.strength * float(self.down[1])
+
+    def turned(self, velocity: Array) -> Array:
+        """Velocities (..., 2) of a feed that falls along -y, as they are in the channel."""
+        return velocity if self.upright else velocity @ np.array([self.across, -self.down])
+
+    def placed(self, points: Array) -> Array:
+        """Points (..., 2) m of a feed that falls along -y, where they are in the channel."""
+        return points if self.upright else self.turned(points - self.pivot) + self.pivot
+
+    def hung(self, velocity: Array) -> Array:
+        """Velocities (..., 2) in the channel as they are where gravity points along -y: undoes :meth:`turned`."""
+        return velocity if self.upright else velocity @ np.array([self.across, -self.down]).T
+
+    def seen(self, points: Array) -> Array:
+        """Points (..., 2) m in the channel as they are where gravity points along -y: undoes :meth:`placed`."""
+        return points if self.upright else self.hung(points - self.pivot) + self.pivot
+
+    def way(self, direction: Array) -> float:
+        """How far (m) it is from the pivot to the channel's border along a unit vector (2,)."""
+        (x, y), (right, up) = self.pivot, direction.tolist()
+        ends = (self.left if right < 0.0 else self.right) - x, (self.low if up < 0.0 else self.high) - y
+        ways = [end / part for end, part in zip(ends, (right, up), strict=True) if abs(part) > ALONG]
+        return max(0.0, float(min(ways)))
+
+    def highest(self, x: Array, radius: Array, slack: float) -> Array:
+        """Up to which height y (n,) m of the upright feed its granules at ``x`` (n,) m, of ``radius`` (n,) m, lie in
+        the channel, ``slack`` (m) below its top and clear of the wall that gravity leads away from.
+        """
+        top = self.high - slack
+        if self.upright:
+            return np.full(len(x), top)
+        (sine, cosine), off = self.down * (1.0, -1.0), x - self.pivot[0]
+        room = np.full(len(x), np.inf)
+        if cosine > ALONG:
+            room = (top - self.pivot[1] - off * sine) / cosine
+        wall = self.pivot[0] - self.left if sine > 0.0 else self.right - self.pivot[0]
+        side = wall - (1.0 + CLEAR) * radius + math.copysign(1.0, sine) * off * cosine
+        if abs(sine) > ALONG:
+            room = np.minimum(room, side / abs(sine))
+        return self.pivot[1] + room

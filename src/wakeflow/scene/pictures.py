@@ -10,7 +10,7 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field, model_validator
 
 from ..core.errors import SceneError
-from .table import Coordinate, Length, Speed, Table
+from .table import UNSET, Coordinate, Length, Speed, Table
 
 # figures of report.figures, in the order of the page: no picture takes a name
 STANDARD_FIGURES = (
@@ -25,8 +25,8 @@ class Picture(Table):
     """What all kinds share."""
 
     kind: str
-    caption: str | None = Field(None, description="written under the picture in the report")
-    fractions: list[str] | None = Field(None, description="those that are drawn; default: all")
+    caption: Annotated[str, UNSET] = Field("", description="written under the picture in the report")
+    fractions: Annotated[list[str], UNSET] = Field([], description="those that are drawn; default: all")
 
     @property
     def flown(self) -> tuple[int, float | None]:
@@ -37,7 +37,7 @@ class Picture(Table):
 
     def chosen(self, names: list[str]) -> list[str]:
         """Which of the fractions are drawn."""
-        return names if self.fractions is None else self.fractions
+        return self.fractions or names
 
 
 class Curves(Picture):
@@ -50,14 +50,14 @@ class Curves(Picture):
     origin: Literal["separation", "scene"] = Field(
         "separation", description="separation: time and place are counted from the last contact with a body"
     )
-    drop: Length | None = Field(None, description="curves end this far below the separation; compared there")
+    drop: Annotated[Length, UNSET] = Field(0.0, description="curves end this far below the separation; compared there")
     body_speed: Speed | None = Field(
         None, description="upward speed of the body: beside all phases, one granule of the feed that met nearly this"
     )
 
     @model_validator(mode="after")
     def _drop_needs_an_origin(self) -> Curves:
-        if self.drop is not None and self.origin != "separation":
+        if self.drop and self.origin != "separation":
             raise SceneError("drop is counted from the separation: leave origin out")
         if self.x == self.y:
             raise SceneError(f"x and y are both {self.x}")
@@ -79,7 +79,9 @@ class Density(Picture):
 
     kind: Literal["density"]
     granules: Annotated[int, Field(ge=1, le=4096)] = Field(512, description="tracks that are added up")
-    cell: Length | None = Field(None, description="edge of a cell of the map; default: an eighth of the body's width")
+    cell: Annotated[Length, UNSET] = Field(
+        0.0, description="edge of a cell of the map; default: an eighth of the body's width"
+    )
 
 
 class Levels(Picture):

@@ -20,8 +20,8 @@ from pydantic import ValidationError
 from ..core.errors import LONGEST, SceneError
 from ..core.files import atomic_write, check_tables, path_of, read_toml
 from ..core.quantities import say, speaking
-from ..core.record import JsonTable
-from .bins.built_in import SideBin
+from ..core.record import JsonTable, without_none
+from .bins import SideBin
 from .checks import CHECKS, OVER_THE_TOP
 from .measured import trays_in
 from .messages import EVERYWHERE, doubts, explain, units_in, with_units
@@ -55,7 +55,7 @@ class Scene(SceneTables):
     @property
     def _fed_by(self) -> str:
         """Where granules come from and how many, in words."""
-        rate = "" if self.feed.rate is None else f" {say(self.feed.rate, 'kg/s', 3)}"
+        rate = f" {say(self.feed.rate, 'kg/s', 3)}" if self.feed.rate else ""
         return f"feed{rate} from a funnel" if self.funnel is not None else f"feed{rate or ' without a rate'}"
 
     @classmethod
@@ -78,7 +78,7 @@ class Scene(SceneTables):
         mistakes = list(lengths.values())
         try:
             whole = with_own_files(with_uncertainty_table(with_own_materials(data, folder)), folder)
-            whole = trays_in(whole, folder)
+            whole = without_none(trays_in(whole, folder))
         except SceneError as problem:
             raise _refused(name, [*mistakes, str(problem)]) from None
         with speaking(units_in(whole)):
@@ -123,7 +123,7 @@ class Scene(SceneTables):
         """The scene with the funnel's ``rate`` (kg/s) as the rate of its feed; Beverloo's estimate if ``rate`` is None.
         Unchanged where the feed has a rate of its own or there is no funnel.
         """
-        if self.funnel is None or self.feed.rate is not None:
+        if self.funnel is None or self.feed.rate:
             return self
         result = self.funnel.expected_rate if rate is None else rate
         return self.model_copy(update={"feed": self.feed.model_copy(update={"rate": result})})
@@ -145,8 +145,7 @@ class Scene(SceneTables):
 
     def tables(self) -> JsonTable:
         """The scene as plain tables, only what was set, in SI numbers: what ``save`` writes and keys are made of."""
-        tables: JsonTable = json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True))
-        return tables
+        return without_none(json.loads(self.model_dump_json(exclude_unset=True, exclude_none=True, by_alias=True)))
 
     def save(self, path: Path | str) -> None:
         """Write the scene as TOML in SI numbers; loading it gives an equal scene."""

@@ -12,7 +12,7 @@ from pydantic_core.core_schema import DictSchema, NullableSchema, WithDefaultSch
 
 from ..core.errors import SceneError
 from ..core.quantities import say
-from ..core.record import JsonTable
+from ..core.record import JsonTable, without_none
 from ..core.registry import did_you_mean
 from .whole import SceneTables
 
@@ -28,20 +28,14 @@ class _OfToml(GenerateJsonSchema):
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: WithDefaultSchema) -> Node:
+        if "serialization" in schema["schema"]:  # of a key that is not set: what it is then is no value of it
+            return self.generate_inner(schema["schema"])
         node: Node = super().default_schema(schema)
-        return _without_none(node)
+        return without_none(node)
 
     def dict_schema(self, schema: DictSchema) -> Node:
         node: Node = super().dict_schema(schema)
         return {**node, "additionalProperties": False} if "patternProperties" in node else node
-
-
-def _without_none(node: Node) -> Node:
-    return {
-        key: _without_none(value) if isinstance(value, dict) else value
-        for key, value in node.items()
-        if value is not None
-    }
 
 
 def scene_schema() -> Node:

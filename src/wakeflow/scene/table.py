@@ -21,7 +21,11 @@ from pydantic import (
     TypeAdapter,
     create_model,
 )
-from pydantic_core.core_schema import CoreSchema, no_info_before_validator_function
+from pydantic_core.core_schema import (
+    CoreSchema,
+    no_info_before_validator_function,
+    wrap_serializer_function_ser_schema,
+)
 
 from ..core.errors import SceneError
 from ..core.quantities import QUANTITY, quantity
@@ -134,6 +138,19 @@ def made_by(laws: Registry[Callable[..., Array]], name: str, *args: object, **gi
     unknown = [key for key in given if key not in wanted]
     parts = [f"{word} {', '.join(keys)}" for word, keys in (("lacks", missing), ("has no", unknown)) if keys]
     raise SceneError(f"{laws.kind} {name!r} {' and '.join(parts)} (takes: {', '.join(wanted)})")
+
+
+class Unset:
+    """Marks a key that is 0, "" or without entries, as no value of it is, where it is not given. JSON has null then,
+    and the schema no default.
+    """
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        written = wrap_serializer_function_ser_schema(lambda value, write: write(value) if value else None)
+        return {**handler(source), "serialization": written}
+
+
+UNSET = Unset()
 
 
 # -- Number types of scene files ---------------------------------------------------------------------------------------

@@ -1,9 +1,9 @@
-"""[numerics], and all tables of a scene together."""
+"""[numerics], [limit], [price], and all tables of a scene together."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
@@ -11,20 +11,137 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ..core.errors import SceneError, known
 from ..core.geometry import are_symmetric
+from ..core.registry import did_you_mean
 from ..laws.constants import GRAVITY
-from .bins import AnyBin
-from .bins.built_in import SideBin
+from .bins import AnyBin, SideBin
 from .fan_speed import fan_point
 from .feed import CollisionTable, Feed, Funnel
 from .fraction import Fraction
-from .machine import Air, Body, Channel, Vibration
+from .machine import Air, Body, Channel, Plumb, Vibration
 from .measured import Tray
 from .pictures import AnyPicture
-from .plumb import Plumb
 from .rungs import rungs
-from .table import Array, Gravity, Name, Table, WithUnit, flat
-from .trade import LimitTable, PriceTable
+from .table import (
+    RESERVED_BIN,
+    UNSET,
+    AirFlow,
+    Array,
+    Drop,
+    Gravity,
+    Name,
+    Portion,
+    Shorthand,
+    Table,
+    WithUnit,
+    flat,
+    rise,
+)
 from .uncertainty import UncertaintyTable, margins
+
+# -- [limit] and [price]: what the answer is held to, and what it is worth ---------------------------------------------
+TARGET = "target"  # of a price: all bins where the fraction should land
+Price = Annotated[float, Field(ge=-1e7, le=1e7), WithUnit("EUR/t", "220 EUR/t")]
+PowerPrice = Annotated[float, Field(ge=0, le=100), WithUnit("EUR/kWh", "0.25 EUR/kWh")]
+
+
+class FanEfficiency(Table):
+    """What part of the electricity a fan, its drive and its motor turn into pressure and flow, over the flow."""
+
+    flow: list[AirFlow] = Field(description="rising")
+    efficiency: list[Annotated[float, Field(gt=0, le=1), WithUnit("1", "55 %")]] = Field(description="at each flow")
+
+    @model_validator(mode="after")
+    def _paired(self) -> FanEfficiency:
+        if not self.flow or len(self.flow) != len(self.efficiency) or not rise(self.flow):
+            raise SceneError("needs as many efficiencies as flows, and flows that rise")
+        return self
+
+    def at(self, flow: float) -> float:
+        """At a flow (m3/s); beyond the ends that of the end."""
+        return float(np.interp(flow, self.flow, self.efficiency))
+
+
+class LimitTable(Table):
+    """[limit]: what the answer is held to, loss.FRACTION = "0.5 %" or dirt.BIN = "2 %": met, not met or open."""
+
+    loss: dict[Name, Portion] = Field({}, description="of a fraction outside its targets, at most, by fraction")
+    dirt: dict[Name, Portion] = Field(
+        {}, description="of a bin's mass that is of fractions whose target it is not, at most, by bin"
+    )
+
+    @property
+    def asked(self) -> dict[str, float]:
+        """The limits by the names of what they limit: loss.FRACTION and dirt.BIN."""
+        return {f"loss.{name}": most for name, most in self.loss.items()} | {
+            f"dirt.{place}": most for place, most in self.dirt.items()
+        }
+
+    def mistakes(self, wanted: list[str], products: list[str]) -> Iterator[str]:
+        """What is limited that no answer has: the loss of what is not among the fractions ``wanted`` in a bin, the dirt
+        of what is no product.
+        """
+        for kind, given, names, lacks in (
+            ("loss", self.loss, wanted, "no fraction with a target"),
+            ("dirt", self.dirt, products, "no bin that is a fraction's target"),
+        ):
+            for name in given:
+                if name not in names:
+                    named = f"known: {', '.join(names)}" if names else "give fraction.NAME.target, a bin"
+                    yield f"limit.{kind}.{name}: {lacks}{did_you_mean(name, names)} ({named})"
+
+
+class PriceTable(Table):
+    """[price]: what a tonne of each fraction is worth where it lands, and what the fan's electricity costs."""
+
+    value: dict[Name, Annotated[dict[Name, Price], Shorthand(str | float, lambda price: {TARGET: price})]] = Field(
+        {},
+        description="EUR/t of a fraction in its targets, or by bin, { target = 220, middle = 90 }; nothing elsewhere",
+    )
+    electricity: PowerPrice | None = Field(None, description="of the fan")
+    fan_efficiency: (
+        Annotated[FanEfficiency, Shorthand(str | float, lambda share: {"flow": [0.0], "efficiency": [share]})] | None
+    ) = Field(None, description="of fan, drive and motor together, or a curve: { flow = [...], efficiency = [...] }")
+    other_drop: Drop = Field(0.0, description="pressure that the fan gives beside the channel: ducts, filter, cyclone")
+
+    @property
+    def asked(self) -> bool:
+        """Whether anything has a price."""
+        return bool(self.value) or self.electricity is not None
+
+    def by_bin(self, targets: Mapping[str, tuple[str, ...]]) -> dict[str, dict[str, float]]:
+        """EUR/t of each fraction by bin, of fractions with these ``targets``; a bin's own price goes first."""
+        return {
+            name: {place: row[TARGET] for place in targets[name] if TARGET in row}
+            | {place: price for place, price in row.items() if place != TARGET}
+            for name, row in self.value.items()
+        }
+
+    def fan_power(self, drop: float | None, flow: float | None, depth: float) -> float | None:
+        """W of a fan that gives the pressure ``drop`` (Pa) of a channel of this ``depth`` (m), and the other drop, to
+        its air, whose ``flow`` (m2/s) is by depth; None where drop or flow is not known.
+        """
+        if drop is None or flow is None or self.fan_efficiency is None:
+            return None
+        return max(0.0, drop + self.other_drop) * flow * depth / self.fan_efficiency.at(flow * depth)
+
+    def mistakes(self, targets: Mapping[str, tuple[str, ...]], bins: list[str]) -> Iterator[str]:
+        """What is priced that there is not, among fractions with these ``targets`` and ``bins``."""
+        for name, row in self.value.items():
+            if name not in targets:
+                hint = did_you_mean(name, list(targets))
+                yield f"price.value.{name}: no fraction{hint} (known: {', '.join(targets)})"
+                continue
+            for place in row:
+                places = [*bins, RESERVED_BIN, TARGET]
+                if place not in places:
+                    hint = did_you_mean(place, places)
+                    yield f"price.value.{name}.{place}: no bin{hint} (known: {', '.join(places)})"
+            if TARGET in row and not targets[name]:
+                yield f"price.value.{name}: it has no target; give fraction.{name}.target, or a price by bin"
+        if (self.electricity is None) != (self.fan_efficiency is None):
+            lacking = "electricity" if self.electricity is None else "fan_efficiency"
+            yield f"price.{lacking}: missing; the fan's cost takes electricity and fan_efficiency"
+
 
 # -- Terms that are switched by hand -----------------------------------------------------------------------------------
 States = Mapping[str, bool | str | Mapping[str, bool | str]]  # of terms: True or "on", False or "off"
@@ -77,8 +194,8 @@ class SpanTable(Table):
     """[numerics.span]: what rung 3d computes of the third dimension."""
 
     depth: Annotated[float, Field(ge=0.5, le=20.0)] = Field(2.5, description="of the periodic span, in body widths")
-    layers: Annotated[int, Field(ge=4, le=512)] | None = Field(
-        None, description="of cells over the span; 8 a body width by default"
+    layers: Annotated[int, Field(ge=4, le=512), UNSET] = Field(
+        0, description="of cells over the span; 8 a body width by default"
     )
     shedding_cycles: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
         30.0, description="recorded: of six body widths of travel each, the usual length of a cycle"
@@ -96,8 +213,8 @@ class Numerics(Table):
         0.01, description="error of a bin's share that is asked for: terms that could not move so much are left out"
     )
     mesh_scale: Annotated[float, Field(ge=0.2, le=4.0)] = Field(1.0, description="factor on every cell edge")
-    averaging: Annotated[float, Field(ge=0.001, le=0.5), WithUnit("1", "1 %")] | None = Field(
-        None, description="relative half width of drag's and base pressure's averages at which a shedding airflow ends"
+    averaging: Annotated[float, Field(ge=0.001, le=0.5), WithUnit("1", "1 %"), UNSET] = Field(
+        0.0, description="relative half width of drag's and base pressure's averages at which a shedding airflow ends"
     )
     ranks: Annotated[Literal["auto"] | int, BeforeValidator(_ranks)] = Field(
         "auto", description="MPI processes of an airflow, 1 to 256; auto: by its cells alone, two from 60 000 on"
@@ -117,9 +234,9 @@ class Numerics(Table):
 class ReportTable(Table):
     """[report]: what stands on the report's first page beside the answer."""
 
-    title: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(None, description="default: the folder")
-    note: Annotated[str, Field(max_length=2000)] | None = Field(None, description="a few words of yours below it")
-    logo: str | None = Field(None, description="a PNG, SVG or JPEG file, relative to the scene file")
+    title: Annotated[str, Field(min_length=1, max_length=200), UNSET] = Field("", description="default: the folder")
+    note: Annotated[str, Field(max_length=2000), UNSET] = Field("", description="a few words of yours below it")
+    logo: Annotated[str, UNSET] = Field("", description="a PNG, SVG or JPEG file, relative to the scene file")
 
 
 def _switches(value: object) -> object:
@@ -140,8 +257,8 @@ def _same_line(one: Array, other: Array) -> bool:
 class SceneTables(Table):
     """All tables of a scene, and what follows from them."""
 
-    materials: str | None = Field(
-        None, description="file of materials of your own, relative to the scene file: its values are read in"
+    materials: Annotated[str, UNSET] = Field(
+        "", description="file of materials of your own, relative to the scene file: its values are read in"
     )
     body: dict[Name, Body] = Field({}, description="without one the air is known, and nothing is solved")
     channel: Channel
@@ -250,11 +367,11 @@ class SceneTables(Table):
         return paired and are_symmetric([body.outline() for body in self.body.values()])
 
     @property
-    def images(self) -> tuple[int, ...] | None:
-        """The place of each bin's mirror image among the bins, that of elsewhere last; None where the bins, the
+    def images(self) -> tuple[int, ...]:
+        """The place of each bin's mirror image among the bins, that of elsewhere last; none where the bins, the
         machine, its motion, the feed, gravity or an airflow of the user's are not their own image about x = 0.
         """
-        own_air = self.air is not None and self.air.case is not None
+        own_air = self.air is not None and self.air.case != ""
         motion = self.vibration
         still = motion is None or (motion.pivot is None and abs(float(motion.along[0])) < SAME)
         if (
@@ -262,13 +379,13 @@ class SceneTables(Table):
             or own_air
             or self.funnel is not None
         ):
-            return None
+            return ()
         lines = [(place.line(self), place.keeps_part) for place in self.bin.values()]
         result = [
             [i for i, other in enumerate(lines) if other[1] == keeps and _same_line(other[0], line * (-1.0, 1.0))]
             for line, keeps in lines
         ]
-        return (*(item[0] for item in result), len(lines)) if all(result) else None
+        return (*(item[0] for item in result), len(lines)) if all(result) else ()
 
     @property
     def collecting(self) -> dict[str, int]:
@@ -300,7 +417,7 @@ class SceneTables(Table):
         if not self.body:
             return 0.0, float(self.entry @ self.plumb.down)
         if feed.speed is None:
-            return feed.height or 0.0, 0.0
+            return feed.height, 0.0
         above = min(feed.speed**2 / (2 * self.gravity), self.width)
         return above, math.sqrt(max(0.0, feed.speed**2 - 2 * self.gravity * above))
 
@@ -329,5 +446,4 @@ class SceneTables(Table):
 
     def mass_shares(self) -> dict[str, float]:
         """Share of every fraction in the feed, by mass; they add up to 1."""
-        given = {name: f.mass_share for name, f in self.fraction.items()}
-        return {name: share if share is not None else 1.0 / len(given) for name, share in given.items()}
+        return {name: each.mass_share or 1.0 / len(self.fraction) for name, each in self.fraction.items()}

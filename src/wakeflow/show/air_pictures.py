@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -9,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..air.field.flow import stream_function
+from ..air.field import AT_REST, EMPTY
+from ..air.field.flow import still, stream_function
 from ..core.geometry import distance_to
 from .canvas import MM, PlotGrid, Window, inside_window, triangulation
 
@@ -43,8 +45,8 @@ def as_flown(mean: FlowField, scene: Scene) -> FlowField:
     velocity, pressure, _ = mean.image.sample(mean.points)
     there = np.isfinite(velocity[:, 0])
     both = np.where(there[:, None], 0.5 * (mean.velocity + velocity), mean.velocity)
-    level = None if mean.pressure is None else np.where(there, 0.5 * (mean.pressure + pressure), mean.pressure)
-    return replace(mean, velocity=both, pressure=level, given_gradient=None)
+    level = np.where(there, 0.5 * (mean.pressure + pressure), mean.pressure) if mean.has("pressure") else EMPTY
+    return replace(mean, velocity=both, pressure=level, given_gradient=EMPTY)
 
 
 def moments_of(field: FlowField, count: int) -> Array:
@@ -63,18 +65,10 @@ def at_moments(field: FlowField, count: int) -> tuple[Array, Iterator[FlowField]
     return times, (_at_time(field, float(time)) for time in times)
 
 
-def frozen(field: FlowField, time: float) -> FlowField:
-    """The steady field that one in time is at a ``time`` (s), on the mesh at rest."""
-    weights = field.weights(time)
-    state = field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1))
-    return replace(state, times=None, period=None, coefficients=None, truncation=None)
-
-
 def _at_time(field: FlowField, time: float) -> FlowField:
-    state = frozen(field, time)
-    k = None if state.k is None else np.maximum(state.k, 0.0)  # the modes left out may be more than all of it
-    moved = 0.0 if field.motion is None else field.motion.displacement(time)
-    return replace(state, points=field.points + moved, k=k, motion=None)
+    state = still(field, field.weights(time))
+    k = np.maximum(state.k, 0.0)  # the modes left out may be more than all of it
+    return replace(state, points=field.points + field.motion.displacement(time), k=k, motion=AT_REST)
 
 
 def trace_streamlines(axes: Axes, mean: FlowField, window: Window, grid: PlotGrid) -> None:
@@ -144,7 +138,7 @@ def _arrows(axes: Axes, lines: list[Array], grid: PlotGrid, window: Window) -> N
 
 def pressure_coefficient(mean: FlowField, scene: Scene, airflow: Airflow) -> Array:
     """Cp = (p - p_inlet) / (0.5 rho U^2) at the nodes (n,) of a steady field with pressure."""
-    return (np.asarray(mean.pressure) - inlet_pressure(mean, scene, airflow)) / dynamic_pressure(mean, scene)
+    return (mean.pressure - inlet_pressure(mean, scene, airflow)) / dynamic_pressure(mean, scene)
 
 
 def dynamic_pressure(field: FlowField, scene: Scene) -> float:
@@ -154,7 +148,7 @@ def dynamic_pressure(field: FlowField, scene: Scene) -> float:
 
 def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]:
     """Nodes (N,) of the suction zone: ``cp`` (N,) below its border, downstream of the first body's widest place, and
-    joined to the body by such nodes (as ``air.foam.suction`` measures it).
+    joined to the body by such nodes (as ``air.foam.measure`` measures it).
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -174,13 +168,13 @@ def suction_nodes(mean: FlowField, cp: Array, scene: Scene) -> NDArray[np.bool_]
 
 def inlet_pressure(field: FlowField, scene: Scene, airflow: Airflow) -> float:
     """``p_inlet`` (Pa) where it was measured, else the mean along the field's own inlet: its upper or lower end."""
-    if airflow.p_inlet is not None:
+    if math.isfinite(airflow.p_inlet):
         return airflow.p_inlet
     y = field.points[:, 1]
     end = y.max() if scene.airstream.direction == "down" else y.min()
     there = np.flatnonzero(np.abs(y - end) <= 1e-9 * np.ptp(y))
     there = there[np.argsort(field.points[there, 0])]
-    x, p = field.points[there, 0], np.asarray(field.pressure)[there]
+    x, p = field.points[there, 0], field.pressure[there]
     return float(np.trapezoid(p, x) / np.ptp(x)) if len(there) > 1 else float(p.mean())
 
 

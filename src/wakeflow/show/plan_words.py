@@ -37,7 +37,7 @@ def feed_words(scene: Scene) -> str:
     lines = [f"feed: {metres(feed.width)} wide, {fall_words(feed)}"]
     if feed.position:
         lines[0] += f", x = {metres(feed.position)}"
-    if feed.rate is not None:
+    if feed.rate:
         lines.append(f"{say(feed.rate, 'kg/s')} over a depth of {metres(feed.depth)}")
     if scene.funnel is not None:
         lines.append(f"from a funnel with an outlet of {metres(scene.funnel.orifice)}")
@@ -65,7 +65,7 @@ def fall_words(feed: Feed) -> str:
     """How the curtain comes down."""
     if feed.start == "resting":
         return "at rest on the body"
-    return f"comes at {say(feed.speed, 'm/s')}" if feed.speed is not None else f"falls {metres(feed.height or 0.0)}"
+    return f"comes at {say(feed.speed, 'm/s')}" if feed.speed is not None else f"falls {metres(feed.height)}"
 
 
 def motion_words(vibration: Vibration) -> str:
@@ -229,7 +229,7 @@ def _air(plan: Plan, scene: Scene) -> str:
 
 def _feed(scene: Scene) -> str:
     rate = say(scene.feed.mass_flow, "kg/s")
-    if scene.feed.rate is None:
+    if not scene.feed.rate:
         rate = f"no rate given ({rate} where one is needed)"
     depth = scene.feed.depth
     rate += f", {3.6 * scene.feed.mass_flow / depth:.3g} t/h per metre of depth"

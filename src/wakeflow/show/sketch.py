@@ -321,7 +321,7 @@ def _notes(scene: Scene) -> Iterator[_Note]:
     if scene.air is not None:
         end = channel.top if scene.air.direction == "down" else channel.bottom
         inner = end + (-0.04 if scene.air.direction == "down" else 0.04) * (channel.top - channel.bottom)
-        case = "" if scene.air.case is None else " (a solved case)"
+        case = " (a solved case)" if scene.air.case else ""
         yield _Note((0.42 * channel.width, inner), f"air {scene.air.blows}{case}")
     for name, inlet in channel.inlet.items():
         wall = -half if inlet.side == "left" else half

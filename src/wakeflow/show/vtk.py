@@ -190,10 +190,10 @@ def write_field(folder: Path | str, field: FlowField, scene: Scene, airflow: Air
     field.save(folder / ITSELF)
     mean = as_flown(field.mean(), scene)
     level = math.nan
-    if mean.pressure is not None and airflow is not None and not scene.airstream.still:
+    if mean.has("pressure") and airflow is not None and not scene.airstream.still:
         level = inlet_pressure(mean, scene, airflow)
-    steady = save_piece(_grid(mean, scene, level), folder / NAMES[0 if field.times is None else 1])
-    if field.times is None or not scene.numerics.snapshots:
+    steady = save_piece(_grid(mean, scene, level), folder / NAMES[int(field.in_time)])
+    if not field.in_time or not scene.numerics.snapshots:
         return steady
     times, states = at_moments(field, scene.numerics.snapshots)
     return save_series(folder / "field.pvd", times, (_grid(state, scene, level) for state in states), ".vtu")
@@ -213,11 +213,11 @@ def _grid(state: FlowField, scene: Scene, level: float) -> Any:
 
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: state.triangles}, lifted(state.points))
     values = {"velocity (m/s)": lifted(state.velocity), "vorticity (1/s)": vorticity(state)}
-    if state.pressure is not None:
+    if state.has("pressure"):
         values["pressure (Pa)"] = state.pressure
         if math.isfinite(level):
             values["Cp"] = (state.pressure - level) / dynamic_pressure(state, scene)
-    if state.k is not None:
+    if state.has("k"):
         values["k (m2/s2)"] = state.k
     for name, nodal in values.items():
         grid.point_data[name] = np.asarray(nodal, dtype=np.float32)
@@ -263,7 +263,7 @@ def write_tracks(
         born = np.array([one.track["time"][0] for one in granules])
         points = {"time since release (s)": clock - np.repeat(born, sizes), **_moving(velocity)}
         points[ARRIVING] = lifted(arriving)
-        if field is not None and field.period is not None:
+        if field is not None and field.period:
             points["loop time (s)"] = _loop_time(clock, field)
         data.point_data.update({name: np.asarray(values, dtype=np.float32) for name, values in points.items()})
         data.cell_data.update({**_columns(granules), "release (s)": born})
@@ -282,7 +282,7 @@ def write_moving(
     path = Path(folder) / "granules.pvd"
     path.unlink(missing_ok=True)
     clear_pieces(Path(folder), "granules")
-    if field is None or field.period is None or not scene.numerics.snapshots:
+    if field is None or not field.period or not scene.numerics.snapshots:
         return None
     granules = [one for one in _granules(tracks, scene) if len(one.track["time"]) > 1]
     times = moments_of(field, scene.numerics.snapshots)

@@ -161,7 +161,7 @@ def _unit_words(number: Number, unit: str) -> str:
 def air_words(airflow: Airflow) -> str:
     """The airflow in one line."""
     drop, cd, base = airflow.pressure_drop, airflow.cd, airflow.cp_base
-    if cd is None or base is None:
+    if not cd or not base:
         return f"airflow: {airflow.verdict}, {airflow.flow_rate:.3g} m²/s, pressure drop {drop:.2g} Pa"
     interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
     return (
@@ -173,8 +173,8 @@ def air_words(airflow: Airflow) -> str:
 def loading_words(result: Result) -> str:
     """What the granules' force on the air does, in one line."""
     loading = required(required(result.airflow).loading)
-    if loading.cd is None or loading.cd_without is None:
-        does = f"driven to {say(required(loading.speed), 'm/s', 2)}"
+    if not loading.cd:
+        does = f"driven to {say(loading.speed, 'm/s', 2)}"
     else:
         does = f"steady Cd {loading.cd_without.value:.3f} to {loading.cd.value:.3f}"
     passes = f"{loading.passes} pass{'es' if loading.passes != 1 else ''}"
@@ -193,13 +193,13 @@ def loading_words(result: Result) -> str:
 def funnel_words(funnel: FunnelSummary) -> str:
     """The feed funnel in one line."""
     rate, law = funnel.rate, funnel.beverloo_cone
-    if rate is None:
+    if not rate:
         return f"funnel: {funnel.verdict} with {funnel.left} of {funnel.beads} beads inside"
     line = f"funnel: {1e3 * rate.value:.3g} g/s"
     if rate.known:
         line += f" ({1e3 * rate.low:.3g} to {1e3 * rate.high:.3g})"
-    empty = "" if funnel.time_to_empty is None else f", empty after {funnel.time_to_empty:.3g} s"
-    return line + empty + ("" if law is None else f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s")
+    empty = f", empty after {funnel.time_to_empty:.3g} s" if funnel.time_to_empty > 0.0 else ""
+    return line + empty + (f"; Beverloo's law with cone factor, at rest: {1e3 * law:.3g} g/s" if law > 0.0 else "")
 
 
 def verdict_lines(result: Result) -> list[str]:

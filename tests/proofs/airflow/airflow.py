@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -180,7 +181,7 @@ def _plain(
         "low": low, "high": high, "theirs": None, "deviation": None, "within": None, "gate": REPORTED,
         "why": "nothing is published of it", "met": None, "cells": airflow.cells, "core_seconds": airflow.cost,
         "date": airflow.day, "error": "one grid" if study is None else study.kind,
-        "order": None if study is None else study.order, "source": "", "status": "",
+        "order": None if study is None or math.isnan(study.order) else study.order, "source": "", "status": "",
     }  # fmt: skip
 
 
@@ -203,7 +204,7 @@ def _order_row(case: Case, rung: str, airflow: SolvedAirflow, studies: dict[str,
         study = studies[name]
         shown = {
             "quantity": f"order of {quantities[name].label}", "ours": study.order, "low": None, "high": None, "why": "",
-            "gate": f"at least {least:g}", "met": study.order is not None and study.order >= least, "source": study.why,
+            "gate": f"at least {least:g}", "met": study.order >= least, "source": study.why,
         }  # fmt: skip
         yield {**_plain(case, rung, airflow, name, None, study), **shown}
 

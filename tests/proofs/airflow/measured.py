@@ -4,6 +4,7 @@ lines of the wake that were measured by others.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -19,8 +20,8 @@ from proofs.airflow.residence import ResidenceTime, residence_time
 from wakeflow.air.field import FlowField
 from wakeflow.air.field.combined import blended_wake, interpolated
 from wakeflow.air.foam.case import read_parameters
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import known
 from wakeflow.core.lazy import cached_property
 from wakeflow.core.number import Number
@@ -124,7 +125,6 @@ class SolvedAirflow:
     @property
     def cells(self) -> int:
         """Cells of its mesh."""
-        assert self.found.cells is not None
         return self.found.cells
 
     @cached_property
@@ -140,11 +140,11 @@ class SolvedAirflow:
     @cached_property
     def last_periods(self) -> NDArray[np.float64]:
         """Rows (n, 3) of time (s), Cd, Cl over the last period of a shedding wake; all rows of another."""
-        from wakeflow.air.foam.force_history import read_table
+        from wakeflow.air.foam.statistics import read_table
 
         rows = read_table(self.case, "forceCoefficients", (HISTORY_CD, HISTORY_CL))
         period = self.found.period
-        return rows if period is None else rows[rows[:, 0] >= rows[-1, 0] - period]
+        return rows if math.isnan(period) else rows[rows[:, 0] >= rows[-1, 0] - period]
 
     @cached_property
     def fluctuation(self) -> tuple[FlowField, NDArray[np.float64]]:
@@ -165,11 +165,10 @@ def variance(field: FlowField) -> NDArray[np.float64]:
     """Of the velocity (N, 2) m2/s2 in x and y at the nodes: all that an instrument sees, what the field has in time and
     2k/3 of what is modelled.
     """
-    if field.times is None:
-        return np.repeat(2.0 / 3.0 * known(field.k)[:, None], 2, axis=1)
-    velocity, k = (values if field.coefficients is None else field.at_knots(name) for name, values in (
-        ("velocity", field.velocity), ("k", known(field.k)),
-    ))  # fmt: skip
+    if not field.in_time:
+        return np.repeat(2.0 / 3.0 * field.k[:, None], 2, axis=1)
+    snapshots = field.snapshots()
+    velocity, k = snapshots.velocity, snapshots.k
     weights = field.time_axis.shares()
     moves = velocity - np.tensordot(weights, velocity, axes=1)
     return np.asarray(np.tensordot(weights, moves**2, axes=1) + 2.0 / 3.0 * (weights @ k)[:, None])
@@ -186,10 +185,8 @@ def measured(pipeline: Pipeline) -> SolvedAirflow:
     return SolvedAirflow(pipeline.airflow, case, pipeline.scene.width, tuple(before), dusty_wake(pipeline))
 
 
-def _number(found: Number | float | None, scale: float = 1.0) -> Number | None:
+def _number(found: Number | float, scale: float = 1.0) -> Number | None:
     """A number of an airflow, with or without its interval."""
-    if found is None:
-        return None
     value, low, high = found if isinstance(found, Number) else (found,) * 3
     if isinstance(found, Number) and not found.known:
         return None
@@ -204,8 +201,7 @@ def _pressures(airflow: SolvedAirflow) -> Number | None:
 
 
 def _reversal(airflow: SolvedAirflow) -> Number | None:
-    zone = airflow.found.suction
-    return None if zone is None else _number(zone.reversal_length, 1 / airflow.width)
+    return _number(airflow.found.suction.reversal_length, 1 / airflow.width)
 
 
 def _residence(airflow: SolvedAirflow) -> Number | None:
@@ -216,7 +212,7 @@ def _residence(airflow: SolvedAirflow) -> Number | None:
 
 def _swing(column: int, what: Callable[[NDArray[np.float64]], Any]) -> Callable[[SolvedAirflow], Number | None]:
     def of(airflow: SolvedAirflow) -> Number | None:
-        return None if airflow.found.period is None else _number(float(what(airflow.last_periods[:, column])))
+        return None if math.isnan(airflow.found.period) else _number(float(what(airflow.last_periods[:, column])))
 
     return of
 

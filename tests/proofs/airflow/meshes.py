@@ -78,7 +78,7 @@ def errors(rows: Sequence[Row], reference: Sequence[Row]) -> tuple[dict[str, flo
     truth = {}
     for name in NUMBERS:
         found = estimate(sizes, [row[name] for row in reference])
-        truth[name] = found.extrapolated if found.extrapolated is not None else found.value
+        truth[name] = found.extrapolated if math.isfinite(found.extrapolated) else found.value
     return truth, [
         {**row} | {f"{name}_error": abs(row[name] - truth[name]) / abs(truth[name]) for name in NUMBERS} for row in rows
     ]

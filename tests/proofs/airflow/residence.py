@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student
 
-from wakeflow.air.field import FlowField
+from wakeflow.air.field import AT_REST, FlowField
 from wakeflow.core.errors import SceneError
 from wakeflow.flight import Body, Fate, Granules, Tracks, track
 
@@ -106,11 +106,11 @@ def residence_time(
     wake = _near_wake(body, direction)
     each = -(-count // len(fields))
     found = [
-        _counted(replace(air, motion=None), body, wake, speed, each, np.random.default_rng([seed, number]), stokes)
+        _counted(replace(air, motion=AT_REST), body, wake, speed, each, np.random.default_rng([seed, number]), stokes)
         for number, air in enumerate(fields)
     ]
     inside = np.concatenate(found)
-    batch = _batches(len(fields), each, sheddings, timed=fields[0].times is not None)
+    batch = _batches(len(fields), each, sheddings, timed=fields[0].in_time)
     return _fitted(inside, batch, wake.width / speed)
 
 
@@ -135,7 +135,7 @@ def _counted(
         position=places, velocity=_of_the_air(field, places, start), diameter=diameter, density=DENSITY,
         drag_scale=1.0, restitution=1.0, friction=0.0, time=start,
     )  # fmt: skip
-    turbulent = field.k is not None and field.dissipation is not None
+    turbulent = field.has("k") and field.has("dissipation")
     tracks = track(
         field, tracers, until=float(start.max()) + LONGEST * unit, tolerance=TOLERANCE, length=wake.width,
         forces=("drag", "dispersion") if turbulent else ("drag",), bodies=[body], record=POINTS,
@@ -148,16 +148,16 @@ def _of_the_air(field: FlowField, places: Array, times: Array) -> Array:
     """The air's velocity (n, 2) m/s at ``places`` (n, 2) m and ``times`` (n,) s."""
     triangle = field.locate(places)
     corner, weight = field.triangles[triangle], field.barycentric(triangle, places)
-    nodal = field.velocity[None] if field.times is None else field.velocity
+    nodal = field.velocity if field.in_time else field.velocity[None]
     shares = np.stack([field.weights(float(time)) for time in times])
     return np.asarray(np.einsum("nr,rnkj,nk->nj", shares, nodal[:, corner], weight))
 
 
 def _births(field: FlowField, count: int, rng: np.random.Generator) -> Array:
     """When tracers start (count,) s: in order, evenly over the period, or over the first half of what is known."""
-    if field.times is None:
+    if not field.in_time:
         return np.zeros(count)
-    span = float(np.ptp(field.times)) / 2 if field.period is None else field.period
+    span = field.period or float(np.ptp(field.times)) / 2
     return np.asarray(field.times[0] + span * (np.arange(count) + rng.random(count)) / count)
 
 

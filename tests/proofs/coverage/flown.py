@@ -27,13 +27,12 @@ from wakeflow.flight.feed.feedstock import feedstock
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.input_samples import CODE
 from wakeflow.laws.forces import forces
-from wakeflow.planning.dependence import dependence
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.stage_cache import code_of
-from wakeflow.planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
+from wakeflow.planning.unknowns import FARTHEST, Unknown, dependence, unknowns, variation_at
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.scene.variation import AS_GIVEN, AirVariation, Variation
+from wakeflow.scene.changes import AS_GIVEN, AirVariation, Variation
 
 Array = NDArray[np.float64]
 GRANULES_PER_FRACTION = 64  # granules a fraction that show where bins are wanted
@@ -129,7 +128,7 @@ class Truth:
         left_out = (row.name for row in told.pipeline.plan.left_out if row.fraction == fraction)
         air = told.pipeline.air.realisations.field
         known = {
-            "laminar": air is None or air.k is None,
+            "laminar": air is None or not air.has("k"),
             "point_mass": bool(np.isinf(told.scene.fraction[fraction].inertia)),
         }
         return frozenset(

@@ -233,7 +233,7 @@ def plan_in(air: StoredFlow | None, plan: Plan) -> Plan:
     """``plan`` with the stored ``air`` in place of one to be solved; in air without turbulence nothing is dispersed."""
     if air is None:
         return plan
-    chosen = AirflowPlan(plan.airflow.rung, f"stored: {air.flow}", None, plan.airflow.turbulence, False, False)
+    chosen = AirflowPlan(plan.airflow.rung, f"stored: {air.flow}", "", plan.airflow.turbulence, False, False)
     if air.intensity > 0.0:
         return replace(plan, airflow=chosen)
     fractions = {

@@ -41,7 +41,7 @@ from wakeflow.laws.constants import GRAVITY
 from wakeflow.planning.plan import Plan
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.scene.variation import Variation
+from wakeflow.scene.changes import Variation
 
 # -- machine -----------------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]

@@ -61,14 +61,14 @@ class _Air:
         self.origin = (float(origin[0]), float(origin[1]))
         self.sides = [(1.0 if k == 0 else 0.0, *map(float, gradient[k])) for k in range(3)]
         nodal = [field.velocity]
-        if field.pressure_gradient is not None:
+        if field.pressure_gradient.size:
             nodal.append(field.pressure_gradient)
         self.start, self.end, shares = field.polynomial(start)
         self.powers: list[list[tuple[float, float, float]]] = []  # of the time since the start
         for share in shares:
             self.powers.append([])
             for values in nodal:
-                parts = values[None] if field.times is None else values
+                parts = values if field.in_time else values[None]
                 self.powers[-1] += _affine(np.tensordot(share, parts[:, corner], axes=1), gradient)
 
     def at(self, x: float, y: float, t: float) -> list[tuple[float, float, float, float]]:

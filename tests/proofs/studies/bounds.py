@@ -26,15 +26,15 @@ import numpy as np
 import wakeflow as wf
 from support import CASES, as_computed, shipped
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.flight import Fate, track
 from wakeflow.flight.feed.feedstock import feedstock, granules_of
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.laws.forces import forces
 from wakeflow.laws.impaction import Cylinder, approach
-from wakeflow.planning.carried_round import deflection, front_of
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.terms import bounds
+from wakeflow.planning.uniform_fall import deflection, front_of
 from wakeflow.show.words import percent
 
 from .common import BARE, COARSE, Pipeline, Row, make_plan, piped, separation, show

@@ -33,7 +33,7 @@ from scipy.spatial import Delaunay
 
 import wakeflow as wf
 from support import shipped
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.answer.budget.flown_again import AmongOthers
 from wakeflow.answer.separation import separate
 from wakeflow.answer.shares import Separation
@@ -47,7 +47,7 @@ from wakeflow.planning.collision_rates import encounters
 from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR, replicate_size
 from wakeflow.planning.stage_cache import code_of
 from wakeflow.planning.terms import COLLISIONS, LOADING, limit_of
-from wakeflow.scene.variation import Variation
+from wakeflow.scene.changes import Variation
 from wakeflow.show.canvas import fraction_colours
 from wakeflow.show.words import percent
 

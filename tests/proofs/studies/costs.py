@@ -43,12 +43,10 @@ import wakeflow as wf
 from proofs.scene_curves import one_cache
 from support import CASES, shipped
 from wakeflow.air.foam.case import FlowSpec, write_parameters
-from wakeflow.air.foam.force_history import Tail
 from wakeflow.air.foam.programs import call, scatter
 from wakeflow.air.foam.start import first_step, start_from
-from wakeflow.air.foam.statistics import cycles
-from wakeflow.air.kinds.airflow_kinds import flow_spec, mesh_spec
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.foam.statistics import Tail, cycles
+from wakeflow.air.kinds.airflow_kinds import Realisations, flow_spec, mesh_spec
 from wakeflow.air.mesh import build_mesh
 from wakeflow.core.files import read_json, write_json
 from wakeflow.core.process import cores

@@ -34,14 +34,14 @@ from numpy.typing import NDArray
 import wakeflow as wf
 from support import shipped
 from wakeflow.air.foam.case import FlowSpec, MeshMotion
-from wakeflow.air.foam.force_history import CD, CL, read_table, upward_crossings
 from wakeflow.air.foam.read import CaseFields, time_folders
 from wakeflow.air.foam.solver import run_segment
 from wakeflow.air.foam.start import perturb, start_from
-from wakeflow.air.foam.statistics import Stopping, evaluate
+from wakeflow.air.foam.statistics import CD, CL, Stopping, evaluate, read_table, upward_crossings
 from wakeflow.air.foam.watch import Watch
 from wakeflow.air.mesh import build_mesh, ends, plan_mesh
 from wakeflow.flight.stages.pipeline import Pipeline
+from wakeflow.laws.best_estimate import NO_ESTIMATE
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.terms import VIBRATION
 from wakeflow.runs.planned import make_plan
@@ -279,7 +279,9 @@ def in_air(scene: wf.Scene, scale: float, *, moving: bool) -> Pipeline:
     """The scene in its time-resolved wake alone, which sees the body vibrate or at rest; no granules meet."""
     made = scene.replace({"numerics.mesh_scale": float(scale)})
     plan = make_plan(made, rung="standard", force={**BARE, "collisions": False, VIBRATION: moving})
-    return Pipeline(made, replace(plan, airflow=replace(plan.airflow, accuracy=ACCURACY, wake=None, brackets=False)))
+    return Pipeline(
+        made, replace(plan, airflow=replace(plan.airflow, accuracy=ACCURACY, wake=NO_ESTIMATE, brackets=False))
+    )
 
 
 def numbers_of(pipeline: Pipeline) -> dict[str, float]:
@@ -345,7 +347,7 @@ def _ended(memory: float, spread: float, asked: float, seed: int) -> tuple[int, 
     rows, stopping = record(seed, LONGEST, memory=memory, noise=spread), Stopping(asked)
     end = next((count for count in range(8, LONGEST) if stopping.look(rows[: count * STEPS])), LONGEST)
     found = evaluate(rows[: end * STEPS], asked)
-    return end, found is not None and found.cd.low <= TRUTH["cd"] <= found.cd.high
+    return end, bool(found) and found.cd.low <= TRUTH["cd"] <= found.cd.high
 
 
 def _ends(seeds: int) -> Iterator[Row]:

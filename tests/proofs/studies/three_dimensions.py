@@ -30,8 +30,7 @@ from wakeflow.air.foam.case import FlowSpec, axis_points
 from wakeflow.air.foam.read import CaseFields
 from wakeflow.air.foam.spanwise.span_measure import measure_span
 from wakeflow.air.foam.spanwise.span_record import SpanRecord, lead_of, read_layers
-from wakeflow.air.kinds.airflow_kinds import flow_spec, mesh_spec
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations, flow_spec, mesh_spec
 from wakeflow.core.number import Number
 from wakeflow.core.store import Store, cache_root
 from wakeflow.flight.feed.feedstock import feedstock
@@ -166,10 +165,10 @@ def on_axis(spec: FlowSpec, fields: Sequence[FlowField]) -> tuple[Array, Array, 
     x = np.column_stack([np.full(len(PLACES), middle), spec.along * (rear + PLACES * spec.mesh.projected_width)])
     velocities, modelled = [], []
     for field in fields:
-        times = [0.0] if field.period is None else np.linspace(0.0, field.period, 400, endpoint=False)
+        times = np.linspace(0.0, field.period, 400, endpoint=False) if field.period else [0.0]
         velocities += [field.sample(x, float(t))[0] for t in times]
         mean = field.mean()
-        if mean.k is not None:
+        if mean.has("k"):
             as_speed = FlowField.from_arrays(mean.points, mean.triangles, np.stack([mean.k, mean.k], axis=1))
             modelled.append(as_speed.sample(x)[0][:, 0])
     u, k = np.array(velocities), np.mean(modelled, axis=0) if modelled else 0.0

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from proofs.tracker.reference import TrackingProblem
 from proofs.tracker.rk4 import Ends
-from wakeflow.air.field import FlowField
+from wakeflow.air.field import EMPTY, FlowField
 from wakeflow.core.errors import known
 from wakeflow.core.files import scene_templates
 from wakeflow.core.geometry import contains, distance_to
@@ -81,7 +81,7 @@ def benchmark_case(
     fraction, changes = of or KINDS[kind]
     changed = scene.replace({**changes, "feed.count": count, "numerics.rung": "draft"})
     plan = make_plan(changed, force={"air-loading": False})
-    feed = feedstock(changed, plan, fraction, None)
+    feed = feedstock(changed, plan, fraction, 0.0)
     grains = feed.granules
     moved = np.where(feed.injected[:, None], motion_of(changed).at(grains.time)[0], 0.0)
     grains = as_spheres(grains).replace(
@@ -116,7 +116,7 @@ def _side_walls(field: FlowField) -> list[Body]:
 def _phases(field: FlowField, count: int) -> Array:
     """Birth times (n,), spread evenly over the period of a time-resolved airflow (golden ratio sequence)."""
     turns = np.arange(count, dtype=float) * 0.6180339887498949 % 1.0
-    return np.asarray(turns * (field.period or 0.0), dtype=np.float64)
+    return np.asarray(turns * field.period, dtype=np.float64)
 
 
 def _free(grains: Granules, field: FlowField, bodies: tuple[Body, ...]) -> NDArray[np.bool_]:
@@ -150,8 +150,8 @@ def travelling_wave(field: FlowField, speed: float, width: float, strength: floa
 
     eps = 1e-6 * width
 
-    def kept(values: Array | None) -> Array | None:
-        return None if values is None else np.tile(values, (SNAPSHOTS, 1))
+    def kept(values: Array) -> Array:
+        return np.tile(values, (SNAPSHOTS, 1)) if values.size else values
 
     shots = np.stack([field.velocity + wave(t) for t in times])
     pressure, k, dissipation = (kept(values) for values in (field.pressure, field.k, field.dissipation))
@@ -161,7 +161,6 @@ def travelling_wave(field: FlowField, speed: float, width: float, strength: floa
 def resampled(field: FlowField, onto: FlowField) -> FlowField:
     """The velocity of a time-resolved ``field`` on the triangles of another, which end at the scene's floor."""
     field = field.snapshots()
-    assert field.times is not None
     from scipy.spatial import cKDTree
 
     nearest = cKDTree(field.points).query(onto.points)[1]
@@ -171,7 +170,7 @@ def resampled(field: FlowField, onto: FlowField) -> FlowField:
         outside = np.isnan(value).any(axis=1)  # boundary points, by round-off
         value[outside] = field.velocity[number, nearest[outside]]
         shots.append(value)
-    return replace(onto, velocity=np.stack(shots), times=field.times, period=field.period, pressure=None)
+    return replace(onto, velocity=np.stack(shots), times=field.times, period=field.period, pressure=EMPTY)
 
 
 ERROR = 1e-4  # body widths, where speeds are compared

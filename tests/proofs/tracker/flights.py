@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from proofs.report import Tell
 from proofs.tracker.curves import timed
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.core.record import JsonTable
 from wakeflow.flight import Granules, Tracks
 from wakeflow.flight.feed.feedstock import feedstock

@@ -317,7 +317,7 @@ def fly_explicit(
     or the clock shows ``until`` (s); no more are begun after so many ``seconds``. Arguments as those of ``track``, and
     as there neighbours fly one after the other, since they look at the same nodes.
     """
-    if field.motion is not None or not set(forces) <= KNOWN_FORCES:
+    if field.motion or not set(forces) <= KNOWN_FORCES:
         raise SceneError("the explicit tracker knows drag, gravity and buoyancy, in fields that do not move")
     count, begun = len(grains), time.monotonic()
     order = np.argsort(grains.position[:, 0], kind="stable")

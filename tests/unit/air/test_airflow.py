@@ -21,15 +21,14 @@ from scipy.spatial import cKDTree
 from support import AIR, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, working_in
 from wakeflow.air.foam.airflow import solve_airflow
 from wakeflow.air.foam.case import FlowSpec, MeshMotion, set_patch_types, write_case, write_parameters
-from wakeflow.air.foam.force_history import Tail, kind_of, upward_crossings
+from wakeflow.air.foam.measure import suction_zone
 from wakeflow.air.foam.polymesh import read_polymesh
 from wakeflow.air.foam.programs import call
 from wakeflow.air.foam.read import CaseFields, read_flow, time_folders
 from wakeflow.air.foam.solver import drop_after, last_state, states
 from wakeflow.air.foam.start import prepare_case, start_from
-from wakeflow.air.foam.statistics import cycles
+from wakeflow.air.foam.statistics import Tail, cycles, kind_of, upward_crossings
 from wakeflow.air.foam.steady import run_steady
-from wakeflow.air.foam.suction import suction_zone
 from wakeflow.air.foam.time_resolved import _on_beat, best_loop
 from wakeflow.air.foam.watch import Progress, Watch
 from wakeflow.air.mesh import build_mesh, plan_mesh
@@ -427,7 +426,7 @@ class TestInterruption:
 
 
 def _rows(case: Path) -> np.ndarray:
-    from wakeflow.air.foam.force_history import read_table
+    from wakeflow.air.foam.statistics import read_table
 
     return read_table(case, "forceCoefficients", (1, 3))
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from support import shaken_mesh
-from wakeflow.air.field import FlowField, blended_wake, interpolated
+from wakeflow.air.field import EMPTY, FlowField, blended_wake, interpolated
 from wakeflow.air.field.combined import cross_faded, fade
 from wakeflow.core.errors import SceneError
 
@@ -64,7 +64,7 @@ def test_each_end_is_its_solution(small: bool) -> None:
     for found, own in zip(at(blended_wake(whole, steady, 1.0, 1.0 - 1e-9), 0.23), at(whole, 0.23), strict=True):
         np.testing.assert_allclose(found, own, atol=1e-8)
     end = blended_wake(whole, steady, 0.0, 0.0)
-    assert end.times is None
+    assert not end.in_time
     np.testing.assert_array_equal(end.points, whole.points)
     for found, own in zip(at(end, 0.0), at(steady, 0.0), strict=True):
         assert np.abs(found - own).max() < 0.08  # linear in cells of a tenth
@@ -206,7 +206,6 @@ def test_on_a_swinging_mesh_air_moves_with_the_wall_and_not_where_it_has_the_mea
     found = blended_wake(resolved, FlowField.from_arrays(points, cells, beside), 0.3, strength)
     assert found.motion == resolved.motion
     now = found.snapshots()
-    assert now.times is not None
     wall, x = points[:, 0] < 1e-9, points[:, 0]
     for t, air in zip(now.times, now.velocity, strict=True):
         push = amplitude * omega * np.cos(omega * t + 0.2)
@@ -222,7 +221,7 @@ def test_a_steady_field_stays_and_wrong_numbers_are_one_line() -> None:
         with pytest.raises(SceneError, match=rf"blended_wake: {name} = -?\d\.\d, allowed 0 to 1"):
             blended_wake(whole, steady, *numbers)
     with pytest.raises(SceneError, match="has no k"):
-        blended_wake(whole, replace(steady, k=None), 0.4, 0.4)
+        blended_wake(whole, replace(steady, k=EMPTY), 0.4, 0.4)
     with pytest.raises(SceneError, match="is one in time"):
         blended_wake(whole, whole, 0.4, 0.4)
 
@@ -268,7 +267,6 @@ def test_a_field_becomes_periodic() -> None:
     field = FlowField.from_arrays(POINTS, [(0, 1, 2)], velocity, times=0.1 * np.arange(COUNT), k=np.ones((COUNT, 3)))
     made = cross_faded(field, LEAD)
     assert made.period == pytest.approx(0.1 * (COUNT - LEAD))
-    assert made.k is not None
     np.testing.assert_allclose(made.k, 1.0)
     for other in (field.mean(), made):
         with pytest.raises(SceneError, match="do not repeat"):
@@ -313,7 +311,6 @@ def test_the_stated_error_is_that_at_the_snapshots_and_below_what_was_asked(erro
     whole = snapshots(32)
     small = whole.compressed(error)
     lost = small.truncation
-    assert whole.times is not None
     for name, stated in (("velocity", lost.velocity), ("pressure", lost.pressure)):
         full, parts = getattr(whole, name), getattr(small, name)
         off = np.stack([np.tensordot(small.weights(t), parts, axes=1) for t in whole.times]) - full
@@ -400,7 +397,7 @@ def test_bad_input_is_one_line_that_names_it() -> None:
     with pytest.raises(SceneError, match="knots = 40, allowed 8 to 24"):
         whole.compressed(0.1, knots=40)
     with pytest.raises(SceneError, match="snapshots over a whole period"):
-        replace(whole, period=None).compressed()
+        replace(whole, period=0.0).compressed()
     with pytest.raises(SceneError, match=r"repeats after 1\.5 swings"):
         whole.moving((0, 0.1), 3 * np.pi / PERIOD)
     with pytest.raises(SceneError, match="omega positive"):

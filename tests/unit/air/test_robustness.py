@@ -25,12 +25,12 @@ from wakeflow.air.foam import programs, sanity
 from wakeflow.air.foam.airflow import FALLBACKS, climb, solve_airflow, warning
 from wakeflow.air.foam.airflow_result import AirflowResult, Attempt
 from wakeflow.air.foam.case import SETTINGS, FlowSpec, write_case
-from wakeflow.air.foam.force_history import read_table
 from wakeflow.air.foam.programs import AirflowFailure, Cause, diagnose, disk_trouble_named
 from wakeflow.air.foam.read import time_folders
 from wakeflow.air.foam.sanity import blockage, check_airflow, check_finite, friction, gap_speed
 from wakeflow.air.foam.solver import run_segment, segment_ends
 from wakeflow.air.foam.start import prepare_case
+from wakeflow.air.foam.statistics import read_table
 from wakeflow.air.foam.watch import Progress, Watch
 from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.errors import FoamError, SceneError

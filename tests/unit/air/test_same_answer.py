@@ -22,10 +22,10 @@ from support import CASES, RHOMBUS, ROOT, WIDTH, kept_airflow, rhombus_spec, shi
 from wakeflow.air.foam import watch
 from wakeflow.air.foam.airflow import solve_airflow
 from wakeflow.air.foam.case import FlowSpec
-from wakeflow.air.foam.force_history import oscillation
 from wakeflow.air.foam.programs import AirflowFailure
 from wakeflow.air.foam.read import time_folders
 from wakeflow.air.foam.solver import last_state, segment_ends
+from wakeflow.air.foam.statistics import oscillation
 from wakeflow.air.foam.steady import (
     SEGMENT,
     STATES_KEPT,
@@ -354,6 +354,6 @@ def test_a_steady_airflow_that_does_not_settle_is_ended_early_and_kept_as_states
     np.testing.assert_allclose(every["velocity"].mean(axis=0), mean["velocity"], atol=1e-12)
     fields = state_fields(case, 1.2, half=False)
     assert len(fields) == STATES_KEPT
-    assert all(field.times is None for field in fields)
+    assert not any(field.in_time for field in fields)
     np.testing.assert_array_equal(fields[3].velocity, FlowField.from_openfoam(case, names[3]).velocity)
     np.testing.assert_allclose(case_field(case, "states", 1.2, half=False).velocity, mean["velocity"], atol=1e-12)

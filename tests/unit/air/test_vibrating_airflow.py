@@ -16,11 +16,11 @@ from proofs.validation_page import record_of
 from support import RHOMBUS, WIDTH, kept_airflow
 from wakeflow.air.field import FlowField
 from wakeflow.air.foam.case import FlowSpec, MeshMotion, set_patch_types, write_case, write_parameters
-from wakeflow.air.foam.force_history import CD, CL, Tail, read_table
 from wakeflow.air.foam.programs import call
 from wakeflow.air.foam.read import CaseFields, loop_of, read_flow, time_folders
 from wakeflow.air.foam.solver import holds_a_state
 from wakeflow.air.foam.start import prepare_case, write_internal
+from wakeflow.air.foam.statistics import CD, CL, Tail, read_table
 from wakeflow.air.foam.time_resolved import best_loop
 from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.core.errors import FoamError, SceneError

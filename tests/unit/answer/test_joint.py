@@ -226,7 +226,7 @@ def test_two_sides_of_a_mirrored_machine_have_the_same_number() -> None:
     """Bin by bin, also for what moves all to one side; what is on neither is as it was."""
     scene = shipped("rhombus", {"numerics.rung": "none"})
     cells, chance = LandingCells.of(scene, 1), np.random.default_rng(1)
-    assert scene.images is not None
+    assert scene.images
     images = cells.mirrored(scene.images)
     assert np.array_equal(images[images], np.arange(cells.count))
     base = chance.dirichlet(np.ones(cells.count))[None]

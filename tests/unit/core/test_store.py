@@ -14,8 +14,8 @@ import pytest
 
 import wakeflow
 from wakeflow import Scene
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.air.kinds.analytic import duct_field
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.cli import main
 from wakeflow.cli.batch import MAX_ROWS, show_stages
 from wakeflow.core import sources

@@ -97,7 +97,7 @@ def test_wrong_tables_say_why(cases: Path, changes: dict[str, Any], told: str) -
 
 def test_the_feed_takes_the_funnels_rate(cases: Path) -> None:
     scene = Scene.load(cases / "funnel.toml")
-    assert scene.feed.rate is None
+    assert not scene.feed.rate
     assert scene.fed(0.02).feed.mass_flow == 0.02
     assert scene.fed().feed.mass_flow == scene.funnel.expected_rate  # type: ignore[union-attr]
     own = scene.replace({"feed.rate": 0.2})
@@ -192,8 +192,8 @@ def test_a_short_or_stopped_flow_claims_nothing() -> None:
     short = rate_of(_curve(1.0, pulse=0.5, period=0.3), 1.0, 0.3)
     assert not short.known
     stopped = Curve(np.linspace(0, 1, 100), np.linspace(1.0, 0.6, 100), np.full(100, 60.0))
-    assert rate_of(stopped, 1.0, 0.0) is None
-    assert time_to_empty(stopped, 1.0) is None
+    assert not rate_of(stopped, 1.0, 0.0)
+    assert math.isnan(time_to_empty(stopped, 1.0))
 
 
 def test_without_the_engine_one_line_says_what_to_install(

@@ -13,9 +13,8 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.airflow_kinds import FlownAir, airflow_kinds
+from wakeflow.air.kinds.airflow_kinds import FlownAir, Realisations, airflow_kinds
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.core.errors import SceneError
 from wakeflow.core.store import Store, content_key
 from wakeflow.flight.stages import airs
@@ -174,7 +173,7 @@ def test_what_needs_no_solver_tells_what_it_leaves_unknown(
     assert plan.airflow.kind == kind
     assert pipeline.air.at_once
     assert pipeline.air.unknown == unknown
-    assert pipeline.air.mesh_quality is None
+    assert not pipeline.air.mesh_quality
     with pytest.raises(SceneError, match="neither mesh nor OpenFOAM case"):
         _ = pipeline.air.in_case.solution
 

@@ -16,9 +16,8 @@ import wakeflow as wf
 from support import landings_in, loaded_scene, shipped
 from wakeflow import flight as tracking
 from wakeflow.air.foam.momentum_source import LEVELS, SOURCE
-from wakeflow.air.kinds.airflow_kinds import FlownAir
+from wakeflow.air.kinds.airflow_kinds import FlownAir, Realisations
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.budget.slab_sources import BetweenGranulesRestitution, shows
 from wakeflow.answer.notices import _step_not_reached, air_notices
 from wakeflow.answer.separation import separate
@@ -332,7 +331,7 @@ def test_the_bound_holds_and_is_not_idle(loaded: wf.Result) -> None:
     asked, pipeline = loaded_scene(), loaded_pipeline()
     plan, bare = pipeline.plan, pipeline.loading.steady.field
     calm = plan.with_forces(("drag", "gravity", "buoyancy", "pressure-gradient"))
-    grains = feedstock(asked, calm, "chaff", None).granules
+    grains = feedstock(asked, calm, "chaff", 0.0).granules
     ends = [
         Flight(asked, calm, Realisations(air), 1e-6).fly("chaff", grains).position for air in (bare, pipeline.field[1])
     ]

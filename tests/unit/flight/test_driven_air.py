@@ -85,7 +85,7 @@ def test_granules_and_air_agree_on_the_force_and_granules_fall_faster() -> None:
     found = loading.summary
     assert found.unanswered <= 0.01
     assert found.imbalance < 1e-9
-    assert found.cd is None
+    assert not found.cd
     weight = 9.80665 * 1.0 * 1.5 / 4.0  # of the curtain in flight, at about 4 m/s; it falls nearly freely at first
     assert 0.1 * weight < -found.given < 0.5 * weight
     rest = pipeline_of(curtain(), **{"air-loading": False})

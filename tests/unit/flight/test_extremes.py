@@ -16,7 +16,7 @@ from proofs.problems.flights import taylor_green, two_modes
 from proofs.problems.reference_all_terms import reference_end_states
 from support import FLOOR, G, distance
 from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.flight import Body, Fate, Granules, Motion, Tracks, track
 from wakeflow.flight.feed.feedstock import feedstock
 from wakeflow.flight.stages.fraction_flights import Flight
@@ -262,7 +262,7 @@ def test_a_scene_at_any_strength(cases: Path, mode: str, gamma: float) -> None:
     scene = Scene.parse(tables).replace({"feed.mode": mode, "feed.count": 512})
     plan = make_plan(scene)
     for name in scene.fraction:
-        feed = feedstock(scene, plan, name, None)
+        feed = feedstock(scene, plan, name, 0.0)
         tracks = Flight(scene, plan, Realisations(None), 1e-4).fly(name, feed.granules)
         assert np.all(tracks.fate == Fate.BINNED), tracks.counts()
         assert tracks.impacts.max() < 1000

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from support import shipped
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.core.errors import SceneError, known
 from wakeflow.flight.feed.feedstock import feedstock, granules_of
 from wakeflow.flight.stages.fraction_flights import Flight
@@ -115,8 +115,7 @@ def test_in_a_vacuum_landings_do_not_depend_on_gravity() -> None:
 def landed(scene: Scene, plan: Plan) -> dict[str, np.ndarray]:
     flight = Flight(scene, plan, Realisations(None), 1e-6, 1)
     return {
-        name: flight.fly(name, feedstock(scene, plan, name, None, range(1)).granules).position
-        for name in scene.fraction
+        name: flight.fly(name, feedstock(scene, plan, name, 0.0, range(1)).granules).position for name in scene.fraction
     }
 
 

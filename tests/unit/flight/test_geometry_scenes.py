@@ -13,8 +13,8 @@ import pytest
 
 import wakeflow as wf
 from support import shipped
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.air.kinds.analytic import decaying, duct_field
-from wakeflow.air.kinds.realisations import Realisations
 from wakeflow.answer.separation import separate
 from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
@@ -456,7 +456,7 @@ def aspirator() -> Scene:
 def flown(scene: Scene, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Terminal velocity in the scene's air (n,), bin (n,) and fate (n,) of a fraction's granules in calm air."""
     plan = make_plan(scene, force=CALM)
-    feed, pipeline = feedstock(scene, plan, name, None), Pipeline(scene, plan)
+    feed, pipeline = feedstock(scene, plan, name, 0.0), Pipeline(scene, plan)
     tracks = Flight(scene, plan, pipeline.air.realisations, 1e-4).fly(name, feed.granules)
     air, grains = scene.air, feed.granules
     settling = terminal_velocity(
@@ -551,7 +551,7 @@ def test_the_distribution_that_goes_in_comes_out(aspirator: Scene, spread: dict,
     plan = make_plan(scene, force=CALM)
     shares = separate(scene, Pipeline(scene, plan).tracks().landings).fractions["wheat"]
     assert shares["light"].low - 2e-3 <= cdf(7.3) <= shares["light"].high + 2e-3
-    grains = feedstock(scene, plan, "wheat", None).granules
+    grains = feedstock(scene, plan, "wheat", 0.0).granules
     settling = terminal_velocity(grains.diameter, grains.density, 1.204, 1.825e-5, drag_scale=grains.drag_scale)
     p = (np.arange(1024) + 0.5) / 1024
     wanted = scene.fraction["wheat"].settling(p)
@@ -563,7 +563,7 @@ def test_the_distribution_that_goes_in_comes_out(aspirator: Scene, spread: dict,
 
 def test_other_fractions_keep_their_granules_when_one_gets_a_spread(aspirator: Scene) -> None:
     one = aspirator.replace({"fraction.wheat.terminal_velocity": 7.3})
-    grains = [feedstock(s, make_plan(s), "straw", None).granules for s in (aspirator, one)]
+    grains = [feedstock(s, make_plan(s), "straw", 0.0).granules for s in (aspirator, one)]
     assert np.array_equal(grains[0].drag_scale, grains[1].drag_scale)
 
 
@@ -623,7 +623,7 @@ def test_granules_slid_in_fly_as_projectiles(aspirator: Scene) -> None:
     del tables["air"], tables["feed"]["height"]
     tables["feed"] |= {"speed": 0.5, "direction": 0.0, "width": 0.02, "position": -0.05}
     scene = Scene.parse(tables)
-    feed = feedstock(scene, make_plan(scene), "wheat", None)
+    feed = feedstock(scene, make_plan(scene), "wheat", 0.0)
     tracks = Flight(scene, make_plan(scene), Realisations(None), 1e-6).fly("wheat", feed.granules[:64])
     fall = np.sqrt(2 * 0.4 / 9.81)
     free = tracks.impacts == 0
@@ -637,12 +637,12 @@ def test_a_belt_throws_granules_about_its_direction(aspirator: Scene) -> None:
     del tables["feed"]["height"]
     tables["feed"] |= {"speed": 0.5, "direction": math.radians(-30.0), "scatter": math.radians(1.5), "width": 0.02}
     scene = Scene.parse(tables)
-    grains = feedstock(scene, make_plan(scene), "wheat", None).granules
+    grains = feedstock(scene, make_plan(scene), "wheat", 0.0).granules
     angle = np.degrees(np.arctan2(grains.velocity[:, 1], grains.velocity[:, 0])) + 30.0
     assert np.mean(angle) == pytest.approx(0.0, abs=0.02)
     assert np.std(angle) == pytest.approx(1.5, rel=0.01)
     assert np.linalg.norm(grains.velocity, axis=1) == pytest.approx(0.5)
     assert abs(np.corrcoef(angle, grains.position[:, 0])[0, 1]) < 0.05
     straight = scene.replace({"feed.scatter": 0.0})
-    same = feedstock(straight, make_plan(straight), "wheat", None).granules
+    same = feedstock(straight, make_plan(straight), "wheat", 0.0).granules
     assert np.array_equal(same.position, grains.position)

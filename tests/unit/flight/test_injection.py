@@ -70,7 +70,7 @@ def test_injected_velocities_are_the_impact_law(vacuum: Scene) -> None:
     plan = make_plan(vacuum)
     amplitude, omega = vacuum.motion
     for name, (restitution, friction) in {"soft": (0.1, 0.6), "hard": (0.5, 0.3)}.items():
-        feed = feedstock(vacuum, plan, name, None)
+        feed = feedstock(vacuum, plan, name, 0.0)
         assert feed.injected.all()
         eta = amplitude[1] * omega * np.cos(omega * feed.granules.time)
         top = vacuum.body["prism"].outline()[:, 1].max()
@@ -83,7 +83,7 @@ def test_without_vibration_the_feed_is_symmetric(vacuum: Scene) -> None:
     tables = vacuum.tables()
     del tables["vibration"]
     still = Scene.parse(tables).replace({"feed.position": 0.0, "feed.width": 0.04})
-    feed = feedstock(still, make_plan(still), "hard", None)
+    feed = feedstock(still, make_plan(still), "hard", 0.0)
     velocity = feed.granules.velocity
     assert np.all(np.sign(velocity[:, 0]) == np.sign(feed.granules.position[:, 0]))
     speed = np.linalg.norm(velocity, axis=1)
@@ -92,15 +92,15 @@ def test_without_vibration_the_feed_is_symmetric(vacuum: Scene) -> None:
 
 
 def test_replicates_are_equal_in_size_and_independent(vacuum: Scene) -> None:
-    feed = feedstock(vacuum, make_plan(vacuum), "hard", None)
+    feed = feedstock(vacuum, make_plan(vacuum), "hard", 0.0)
     assert np.all(np.bincount(feed.replicate) == 1024 // REPLICATES)
     first = feed.granules.position[feed.replicate == 0, 0]
     second = feed.granules.position[feed.replicate == 1, 0]
     assert not np.intersect1d(first, second).size
-    again = feedstock(vacuum, make_plan(vacuum), "hard", None)
+    again = feedstock(vacuum, make_plan(vacuum), "hard", 0.0)
     np.testing.assert_array_equal(again.granules.velocity, feed.granules.velocity)
     other = vacuum.replace({"feed.seed": 1})
-    assert np.any(feedstock(other, make_plan(other), "hard", None).granules.velocity != feed.granules.velocity)
+    assert np.any(feedstock(other, make_plan(other), "hard", 0.0).granules.velocity != feed.granules.velocity)
 
 
 def test_each_fraction_arrives_with_its_own_speed(cases: Path) -> None:
@@ -113,7 +113,7 @@ def test_each_fraction_arrives_with_its_own_speed(cases: Path) -> None:
     plan = make_plan(still)
     expected = {"chaff": 1.75, "wheat": 7.8 * math.sqrt(1 - math.exp(-2 * 9.81 * 2.0 / 7.8**2))}
     for name, speed in expected.items():
-        feed = feedstock(still, plan, name, None)
+        feed = feedstock(still, plan, name, 0.0)
         v = feed.granules.velocity
         b, restitution, friction = math.pi / 4, feed.granules.restitution[0], feed.granules.friction[0]
         flat = np.abs(feed.granules.position[:, 0]) > 3e-3  # away from the corner
@@ -126,7 +126,7 @@ def test_granules_draw_their_own_rebound_where_the_paper_s_are_alike(cases: Path
     """The same places and times, with and without; a fraction of the same numbers and no material is the paper's."""
     scene = Scene.load(cases / "rhombus.toml").replace({"feed.count": 1024, "feed.mode": "injected"}).without_air()
     paper = scene.replace({"fraction.*.impact": "paper"})
-    feeds = {kind: feedstock(one, make_plan(one), "wheat", None) for kind, one in (("own", scene), ("paper", paper))}
+    feeds = {kind: feedstock(one, make_plan(one), "wheat", 0.0) for kind, one in (("own", scene), ("paper", paper))}
     own, alike = (feeds[kind].granules for kind in ("own", "paper"))
     np.testing.assert_array_equal(own.diameter, alike.diameter)
     for name, mean, std in (("restitution", 0.5, 0.035), ("friction", 0.29, 0.02)):
@@ -140,7 +140,7 @@ def test_granules_draw_their_own_rebound_where_the_paper_s_are_alike(cases: Path
     numbers = {"density": 1300.0, "restitution": 0.5, "friction": 0.29, "terminal_velocity": 7.8}
     known = {**numbers, "size": paper.tables()["fraction"]["wheat"]["size"], "mass_share": 0.9}
     plain = paper.replace({"fraction.wheat": known})
-    again = feedstock(plain, make_plan(plain), "wheat", None).granules
+    again = feedstock(plain, make_plan(plain), "wheat", 0.0).granules
     for name in ("position", "velocity", "time", "spin", "restitution", "friction"):
         np.testing.assert_array_equal(getattr(again, name), getattr(alike, name))
     direction = [np.arctan2(grains.velocity[:, 1], np.abs(grains.velocity[:, 0])) for grains in (own, alike)]
@@ -152,7 +152,7 @@ def test_what_may_stay_at_a_wall_meets_it_in_the_tracker(vacuum: Scene) -> None:
     modes = {name: how.mode for name, how in make_plan(sticky, rung="none").fractions.items()}
     assert modes.pop("soft") == "resolved"
     assert set(modes.values()) == {"injected"}
-    feed = feedstock(sticky, make_plan(sticky, rung="none"), "soft", None, [0])
+    feed = feedstock(sticky, make_plan(sticky, rung="none"), "soft", 0.0, [0])
     assert not feed.injected.any()
     assert np.all(feed.granules.capture_speed == 0.4)
     lying = {"feed.start": "resting", "feed.height": None, "feed.speed": None}
@@ -163,7 +163,7 @@ def test_what_may_stay_at_a_wall_meets_it_in_the_tracker(vacuum: Scene) -> None:
 
 def test_carried_up_granules_are_not_injected(cases: Path) -> None:
     scene = Scene.load(cases / "prism.toml").replace({"feed.mode": "injected", "feed.count": 64})
-    feed = feedstock(scene, make_plan(scene), "chaff", None)
+    feed = feedstock(scene, make_plan(scene), "chaff", 0.0)
     assert not feed.injected.any()
     np.testing.assert_allclose(feed.granules.position[:, 1], feed.granules.position[0, 1])
 

@@ -262,7 +262,7 @@ def test_upward_air_that_carries_a_fraction_is_said_to_be_missing(cases: Path) -
     carried = {row.fraction for row in plan.left_out if "carry it up" in row.why}
     assert carried == {"dust", "chaff"}
     assert plan.airflow.kind == "none"
-    assert plan.airflow.stepping is None
+    assert not plan.airflow.stepping
     assert {how.forces for how in plan.fractions.values()} == {("gravity",)}
 
 

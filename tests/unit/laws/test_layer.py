@@ -150,7 +150,7 @@ def test_the_table_is_what_injected_granules_take_from_the_body(fast: Scene, str
     plan = make_plan(scene)
     table = impact_loads(scene, plan)
     for name in scene.fraction:
-        grains, total = feedstock(scene, plan, name, None).granules, table.fractions[name].total
+        grains, total = feedstock(scene, plan, name, 0.0).granules, table.fractions[name].total
         right = grains.velocity[grains.position[:, 0] > 0].mean(axis=0)
         seen = table.fractions[name].slopes["right"].velocity
         np.testing.assert_allclose(seen, right, atol=accuracy * np.linalg.norm(right))
@@ -162,7 +162,7 @@ def test_fall_speeds_are_those_of_the_tracker(cases: Path) -> None:
     scene = Scene.load(cases / "rhombus.toml")
     plan, drop = make_plan(scene), np.array([0.02, 0.1, 0.12])
     for name, how in plan.fractions.items():
-        grains = feedstock(scene.replace({"feed.count": 16}), plan, name, None, [0]).granules[[0, 0, 0]]
+        grains = feedstock(scene.replace({"feed.count": 16}), plan, name, 0.0, [0]).granules[[0, 0, 0]]
         speeds = fall_speeds(scene, name, how.drag, grains.drag_scale[0], float(grains.diameter[0]), drop)
         np.testing.assert_allclose(speeds, arrival(scene, how, grains, drop, np.zeros(3)), rtol=0.02)
 

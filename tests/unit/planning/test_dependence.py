@@ -12,9 +12,8 @@ from wakeflow.core.errors import SceneError
 from wakeflow.flight.stages.input_samples import DrawStage, Ensemble, Joined
 from wakeflow.flight.stages.pipeline import InputRerun, Pipeline
 from wakeflow.laws.size import normal_points
-from wakeflow.planning.dependence import Dependence, dependence
 from wakeflow.planning.plan import INPUT_SAMPLES, SAME_AIR
-from wakeflow.planning.unknowns import FARTHEST, unknowns
+from wakeflow.planning.unknowns import FARTHEST, Dependence, dependence, unknowns
 from wakeflow.runs.planned import make_plan
 
 HARD, SOFT = "fraction.hard.restitution", "fraction.soft.restitution"

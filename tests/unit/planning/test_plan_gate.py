@@ -17,8 +17,8 @@ import pytest
 from proofs.report import cell
 from proofs.studies import bounds as gates
 from support import CASES, landings_in, shipped
-from wakeflow.air.field import FlowField
-from wakeflow.air.kinds.realisations import Realisations
+from wakeflow.air.field import EMPTY, FlowField
+from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.answer.budget.budget import total_notices
 from wakeflow.answer.budget.flown_again import compared, free_ends
 from wakeflow.answer.budget.inputs import most_crossing, truncation_terms
@@ -191,7 +191,7 @@ def test_a_point_mass_has_no_spin_for_magnus_and_a_sphere_has(draft: Scene) -> N
     sphere = draft.replace({"fraction.wheat.inertia": 0.4, "feed.mode": "injected"})
     plan = make_plan(sphere)
     assert "magnus" in plan.fractions["wheat"].forces
-    spin = feedstock(sphere, plan, "wheat", None).granules.spin
+    spin = feedstock(sphere, plan, "wheat", 0.0).granules.spin
     assert 300.0 < np.median(np.abs(spin)) < 600.0  # it rolls off the slope: 5/7 of 1.1 m/s over 1.94 mm
 
 
@@ -289,14 +289,14 @@ def test_a_number_that_no_machine_has_is_asked_about(changes: dict[str, Any], to
 def test_fine_dust_slips_between_the_airs_molecules(draft: Scene) -> None:
     scene = draft.replace({"fraction.dust.size": "1 um", "feed.count": 64})
     plan = make_plan(scene)
-    scale = feedstock(scene, plan, "dust", None).granules.drag_scale
+    scale = feedstock(scene, plan, "dust", 0.0).granules.drag_scale
     np.testing.assert_allclose(scale, 1.0 / 1.166, rtol=1e-3)
     stokes = 9.81 * 1500 * 1e-12 / (18 * 1.825e-5)
     assert plan.fractions["dust"].terminal_velocity == pytest.approx(stokes * 1.166, rel=2e-3)
     measured = draft.replace({"fraction.dust.terminal_velocity": 0.05, "fraction.dust.size": "40 um"})
     how = make_plan(measured).fractions["dust"]
     assert how.terminal_velocity == pytest.approx(0.05, rel=1e-6)
-    assert feedstock(measured, make_plan(measured), "dust", None).granules.drag_scale[0] == pytest.approx(
+    assert feedstock(measured, make_plan(measured), "dust", 0.0).granules.drag_scale[0] == pytest.approx(
         how.drag_scale / float(slip_correction(40e-6)), rel=1e-9
     )
 
@@ -437,7 +437,7 @@ class Trial:
     field: FlowField
 
     def fly(self, name: str, terms: tuple[str, ...], tolerance: float = FINE) -> Tracks:
-        granules = feedstock(self.scene, self.plan.with_forces(BASE), name, None).granules
+        granules = feedstock(self.scene, self.plan.with_forces(BASE), name, 0.0).granules
         flight = Flight(self.scene, self.plan.with_forces(terms), Realisations(self.field), tolerance)
         return flight.fly(name, granules)
 
@@ -513,7 +513,7 @@ def test_the_bound_on_the_vibration_of_the_air_holds_for_a_quasi_steady_wake(nam
         wind = far + strength[:, None, None] * (tried.field.velocity - far)
         pressure = strength[:, None] ** 0 * tried.field.pressure
         changes = {"velocity": wind, "pressure": pressure, "times": times, "period": 2 * np.pi / omega}
-        return replace(tried.field, **changes, k=None, dissipation=None)
+        return replace(tried.field, **changes, k=EMPTY, dissipation=EMPTY)
 
     still, moving = (replace(tried, field=shaken(s)).fly(name, BASE, 1e-5) for s in (np.ones(24), relative))
     measured = float(np.percentile(moved(still, moving, tried.scene.width), 95))

@@ -15,15 +15,15 @@ from wakeflow.flight import Body, Fate, track
 from wakeflow.flight.feed.feedstock import feedstock, granules_of
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.pipeline import SAMPLE_SECONDS, Pipeline
-from wakeflow.laws.best_estimate import best_estimate
+from wakeflow.laws.best_estimate import NO_ESTIMATE, best_estimate
 from wakeflow.laws.impaction import Cylinder, Front, Impaction, Wedge, approach, fronts
 from wakeflow.laws.material import default_margins, materials
 from wakeflow.planning.airflow_choice import FLAT_BELOW, LAMINAR_BELOW, SHEDDING_ABOVE, choose_airflow
-from wakeflow.planning.carried_round import Deflection, deflection
 from wakeflow.planning.cost import EACH_STAGE, airflow_cost, flown_again
 from wakeflow.planning.make import TURNING
 from wakeflow.planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES
 from wakeflow.planning.stages import Workload
+from wakeflow.planning.uniform_fall import Deflection, deflection
 from wakeflow.planning.unknowns import SIGMAS, Unknown, unknown_kinds, unknowns, variation_at
 from wakeflow.planning.wake import Wake, family_of, wake_of, wakes_beside
 from wakeflow.runs.planned import make_plan
@@ -94,7 +94,11 @@ def test_the_plan_carries_it_and_says_it_in_a_line(rhombus: Scene) -> None:
     assert "best estimate between two wakes" in warning
     assert plan.summary()["airflow"]["wake"]["theta"] == {"value": theta.value, "low": theta.low, "high": theta.high}
     computed = as_computed(plan)
-    assert (computed.airflow.kind, computed.airflow.wake, computed.airflow.brackets) == ("time-resolved", None, True)
+    assert (computed.airflow.kind, computed.airflow.wake, computed.airflow.brackets) == (
+        "time-resolved",
+        NO_ESTIMATE,
+        True,
+    )
 
 
 @pytest.mark.parametrize(
@@ -113,7 +117,7 @@ def test_only_a_turbulent_wake_in_time_is_estimated(
 ) -> None:
     found = choose_airflow(at(rhombus, reynolds), rung, 0.01)
     assert found.kind == kind
-    assert (found.wake is not None) == (kind == "best-estimate")
+    assert bool(found.wake) == (kind == "best-estimate")
     assert len(found.wakes_beside) == beside
     work = Workload(rhombus, found, None, 1, 1.0)
     again = {name: list(budget_sources[name].costs(work)) for name in budget_sources}
@@ -158,7 +162,7 @@ def test_auto_goes_by_reynolds_number_and_accuracy(
 def test_laminar_air_may_enter_without_turbulence_and_turbulent_air_may_not(rhombus: Scene) -> None:
     calm = rhombus.replace({"air.turbulence": 0.0})
     assert choose_airflow(at(calm, 0.9 * SHEDDING_ABOVE), "auto", 0.01).turbulence == "laminar"
-    assert choose_airflow(calm, "none", 0.01).turbulence is None
+    assert choose_airflow(calm, "none", 0.01).turbulence == ""
     with pytest.raises(SceneError, match=r"air.turbulence = 0: .* 0 is for laminar air"):
         choose_airflow(at(calm, 1.1 * LAMINAR_BELOW), "auto", 0.01)
 
@@ -302,7 +306,7 @@ def test_forced_injection_leaves_those_that_the_air_carries_round_to_the_tracker
     plan = make_plan(scene)
     for name in ("dust", "chaff"):
         turned = of(scene, name)
-        feed = feedstock(scene, plan, name, None)
+        feed = feedstock(scene, plan, name, 0.0)
         start = scene.feed.places(np.linspace(0.0, 1.0, 20001))
         radius = 0.5 * scene.fraction[name].properties.diameter
         would = np.mean(np.abs(start) < 0.025 + radius)
@@ -361,7 +365,7 @@ def test_the_shift_of_injected_wheat_is_what_the_plan_says() -> None:
     for mode in ("injected", "resolved"):
         scene = Scene.parse(tables).replace({"feed.mode": mode})
         plan = make_plan(scene, force=UNIFORM).with_forces(("drag", "gravity"))
-        feed = feedstock(scene, plan, "wheat", None)
+        feed = feedstock(scene, plan, "wheat", 0.0)
         tracks = Flight(scene, plan, Pipeline(scene, plan).air.realisations, 1e-5).fly("wheat", feed.granules)
         landings.append(tracks.position[:, 0])
     moved = np.percentile(np.abs(landings[0] - landings[1]) / scene.width, 95)

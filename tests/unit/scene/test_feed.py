@@ -73,7 +73,7 @@ def test_the_feed_falls_by_its_profile_and_each_granule_stands_for_the_same_mass
     spread = {}
     for profile in ("uniform", {"distribution": "normal", "std": "2 mm"}):
         scene = vacuum.replace({"feed.profile": profile, "feed.count": 4096})
-        feed = feedstock(scene, make_plan(scene), "hard", None)
+        feed = feedstock(scene, make_plan(scene), "hard", 0.0)
         spread[str(profile)] = feed.granules.position[:, 0].std()
         assert feed.granules.position[:, 0].mean() == pytest.approx(0.0125, abs=1e-4)
         assert np.ptp(feed.granules.weight) == 0.0
@@ -125,7 +125,7 @@ def rows(plan: Plan) -> dict[str, Any]:
 @pytest.mark.parametrize("name", ["rhombus", "prism", "vacuum"])
 def test_at_the_feed_rate_of_a_limit_the_limit_is_reached(name: str) -> None:
     scene = shipped(name)
-    if scene.feed.rate is not None:
+    if scene.feed.rate:
         scene = scene.replace({"feed.rate": 0.7 * scene.feed.mass_flow})  # at no limit by chance
     for row in make_plan(scene).validity:
         if row.limit == math.inf:

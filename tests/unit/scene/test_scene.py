@@ -507,7 +507,7 @@ def test_bins_have_images_where_all_of_the_scene_has() -> None:
         "feed.position": 1e-4, "bin.inner-left.from": -0.134, "vibration.direction": 1.5,
         "feed.profile": {"distribution": "table", "positions": [-0.01, 0.0, 0.01], "weights": [1.0, 2.0, 1.1]},
     }.items():  # fmt: skip
-        assert rhombus.replace({key: value}).images is None, key
+        assert not rhombus.replace({key: value}).images, key
     assert rhombus.replace({"feed.profile": "triangular"}).images == rhombus.images
     assert shipped("labyrinth").images == (2, 1, 0, 3)
 

@@ -184,7 +184,7 @@ def test_the_mass_flux_through_every_level_is_the_rate() -> None:
 
 def test_resting_granules_lie_on_the_body_at_its_lower_dead_point() -> None:
     scene = scene_of("fig6", COARSE)
-    feed = feedstock(scene, make_plan(scene), "hard", None)
+    feed = feedstock(scene, make_plan(scene), "hard", 0.0)
     shift = body_displacement(scene, feed.granules.time)
     np.testing.assert_allclose(shift, np.tile(-scene.motion[0], (len(shift), 1)), atol=1e-15)
     gap = distance_to(feed.granules.position - shift, scene.body["prism"].outline())
@@ -265,7 +265,7 @@ def test_resting_granules_on_a_measured_vibration_begin_where_it_stands_still_at
     tables = scene_of("fig6", COARSE).tables()
     tables["vibration"] = {"samples": samples}
     scene = Scene.parse(tables)
-    feed = feedstock(scene, make_plan(scene), "hard", None)
+    feed = feedstock(scene, make_plan(scene), "hard", 0.0)
     moments = np.linspace(0.0, 0.08, 20001)
     lowest = body_displacement(scene, moments)[:, 1].min()
     np.testing.assert_allclose(body_displacement(scene, feed.granules.time)[:, 1], lowest, atol=1e-9)

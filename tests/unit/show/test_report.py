@@ -17,7 +17,7 @@ from matplotlib.figure import Figure as Canvas
 from PIL import Image
 
 from support import Page, shipped
-from wakeflow.air.field import FlowField
+from wakeflow.air.field import EMPTY, FlowField
 from wakeflow.air.kinds.airflow_table import Airflow
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import PartitionCurve, Separation
@@ -280,7 +280,7 @@ def _contents(folder: Path) -> dict[str, bytes]:
 def test_a_field_without_pressure_still_gives_tracks(rhombus: Scene, tmp_path: Path) -> None:
     outcome = _outcome(rhombus)
     assert outcome.field is not None
-    outcome = replace(outcome, field=replace(outcome.field, pressure=None))
+    outcome = replace(outcome, field=replace(outcome.field, pressure=EMPTY))
     assert outcome.field is not None
     write_report(tmp_path, outcome)
     assert (tmp_path / "figures" / "tracks.png").exists()

@@ -83,8 +83,6 @@ def _turning(rate: float) -> FlowField:
 def _in_time() -> FlowField:
     """Air that turns at 2, 4 and 6 1/s at three moments of its loop."""
     steady, rates = _turning(2.0), np.array([1.0, 2.0, 3.0])
-    assert steady.pressure is not None
-    assert steady.k is not None
     return replace(
         steady, velocity=rates[:, None, None] * steady.velocity, pressure=np.tile(steady.pressure, (3, 1)),
         k=np.tile(steady.k, (3, 1)), times=FIRST + PERIOD / 3 * np.arange(3), period=PERIOD,

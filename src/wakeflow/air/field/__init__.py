@@ -7,8 +7,10 @@ May call it: a user (``wf.FlowField``), every room after it.
 from __future__ import annotations
 
 from .combined import blended_wake, interpolated
-from .flow import FlowField
-from .modes import MeshOscillation, Truncation
+from .flow import EMPTY, FlowField
+from .modes import AT_REST, MeshOscillation, Truncation
 from .triangles import Divergence
 
-__all__ = ["Divergence", "FlowField", "MeshOscillation", "Truncation", "blended_wake", "interpolated"]
+__all__ = [
+    "AT_REST", "EMPTY", "Divergence", "FlowField", "MeshOscillation", "Truncation", "blended_wake", "interpolated",
+]  # fmt: skip

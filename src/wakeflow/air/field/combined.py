@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
-from .flow import POSITIVE, FlowField, nodal
+from .flow import POSITIVE, STEADY, FlowField, nodal
 from .modes import MeshOscillation, fit
 from .triangles import Triangles
 
@@ -62,7 +62,7 @@ class Wakes:
     def variance(self) -> Array:
         """Of the velocity of the wake in time (N,) m2/s2."""
         field = self.resolved
-        velocity = field.velocity if field.coefficients is None else field.at_knots("velocity")
+        velocity = field.at_knots("velocity") if field.has("coefficients") else field.velocity
         weights = field.time_axis.shares()
         result: Array = np.einsum("t,tnj->n", weights, (velocity - self.mean["velocity"]) ** 2)
         return result
@@ -73,27 +73,24 @@ class Wakes:
             if not 0.0 <= number <= 1.0:
                 raise SceneError(f"blended_wake: {name} = {number:g}, allowed 0 to 1")
         resolved = self.resolved
-        if resolved.times is None or theta == strength == 1.0:
+        if not resolved.in_time or theta == strength == 1.0:
             return resolved
         data, middle, still = nodal(resolved), self.mean, self.still
         mean: dict[str, Any] = {name: (1.0 - theta) * still[name] + theta * middle[name] for name in data}
-        if resolved.k is not None:
+        if resolved.has("k"):
             given = self._dropped(theta, strength)
             share = np.divide(given, mean["k"], out=np.zeros_like(given), where=mean["k"] > 0.0)  # k is 0 on walls
             mean |= {name: (1.0 + share) * mean[name] for name in POSITIVE if name in data}
-        if strength == 0.0 and resolved.motion is None:
-            return resolved.with_values(times=None, period=None, coefficients=None, truncation=None, **mean)
+        if strength == 0.0 and not resolved.motion:
+            return resolved.with_values(**STEADY, **mean)
         kept = {name: min(strength, theta) if name in POSITIVE else strength for name in data}
-        if resolved.coefficients is None:
-            nodes: dict[str, Any] = {
-                name: mean[name] + kept[name] * (values - middle[name]) for name, values in data.items()
-            }
-        else:  # part 0 is the mean, the others have none
-            nodes = {name: np.concatenate([mean[name][None], kept[name] * values[1:]]) for name, values in data.items()}
-        made = resolved.with_values(**nodes)
-        if (motion := resolved.motion) is None:
-            return made
-        return _swinging(made, motion, still["velocity"], 1.0 - strength)
+        varying: dict[str, Any] = {
+            name: mean[name] + kept[name] * (values - middle[name]) for name, values in data.items()
+        }
+        if resolved.has("coefficients"):  # part 0 is the mean, the others have none
+            varying = {n: np.concatenate([mean[n][None], kept[n] * values[1:]]) for n, values in data.items()}
+        made = resolved.with_values(**varying)
+        return _swinging(made, made.motion, still["velocity"], 1.0 - strength) if made.motion else made
 
     def _dropped(self, theta: float, strength: float) -> Array:
         """Energy (N,) m2/s2 that the blend's mean motion needs and its fluctuation lacks; no more than what it drops.
@@ -145,13 +142,13 @@ def interpolated(mesh: Triangles, nodal: Mapping[str, Array], points: Array) -> 
 
 def _like(steady: FlowField, fields: Mapping[str, Array]) -> dict[str, Array]:
     """The nodal arrays of the steady field that a field in time has as well."""
-    if steady.times is not None:
+    if steady.in_time:
         raise SceneError("blended_wake: the steady field is one in time")
     given: dict[str, Any] = {
         name: steady.pressure_gradient if name == "given_gradient" else getattr(steady, name) for name in fields
     }
     for name, values in given.items():
-        if values is None:
+        if not values.size:
             raise SceneError(f"blended_wake: the steady field has no {name}, the one in time has")
     return given
 
@@ -161,7 +158,7 @@ def _with_boundary(resolved: FlowField, still: dict[str, Array], mean: Array) ->
 
     These are the nodes of the boundary where the mean air rests, or where nothing fluctuates.
     """
-    moving = resolved.velocity - mean if resolved.coefficients is None else resolved.velocity[1:]
+    moving = resolved.velocity[1:] if resolved.has("coefficients") else resolved.velocity - mean
     fastest = float(np.linalg.norm(mean, axis=1).max())
     rests = np.linalg.norm(mean, axis=1) < AT_REST * fastest
     given = np.linalg.norm(moving, axis=-1).max(axis=0, initial=0.0) < FIXED * fastest
@@ -177,7 +174,7 @@ def _swinging(field: FlowField, motion: MeshOscillation, still: Array, share: fl
     width, height = np.ptp(field.points, axis=0)
     through = float(field.area @ still[field.triangles, 1].mean(axis=1)) / (width * height)  # the same at every height
     pushed = along - still * float(along[1]) / through
-    if field.coefficients is None:
+    if not field.has("coefficients"):
         speed = motion.velocity(times) @ along
         return field.with_values(velocity=field.velocity + share * speed[:, None, None] * pushed)
     count = len(times)
@@ -214,7 +211,7 @@ def cross_faded(field: FlowField, lead: int) -> FlowField:
 
     Raises SceneError for a field that is not such a record, or has fewer than four times as many snapshots.
     """
-    if field.times is None or field.period is not None or field.coefficients is not None:
+    if not field.in_time or field.period or field.has("coefficients"):
         raise SceneError("cross_faded: the field must hold snapshots that do not repeat")
     step = np.diff(field.times)
     if len(field.times) < 4 * lead or lead < 1:
@@ -224,7 +221,7 @@ def cross_faded(field: FlowField, lead: int) -> FlowField:
     changes: dict[str, Any] = {
         name: fade(values, lead, positive=name in POSITIVE)
         for name in (*SIGNED, *POSITIVE)
-        if (values := getattr(field, name)) is not None
+        if (values := getattr(field, name)).size
     }
     count, mean = len(field.times) - lead, float(step.mean())
     changes["times"] = mean * np.arange(count)
@@ -253,17 +250,16 @@ def varied(
         "dissipation": grown**1.5 * speed**3 / lifetime,
     }
     made: dict[str, Any] = {name: factors[name] * values for name, values in nodal(field).items()}
-    if field.times is not None and field.motion is None:
-        made["times"] = field.times / speed
-        made["period"] = None if field.period is None else field.period / speed
+    if field.in_time and not field.motion:
+        made |= {"times": field.times / speed, "period": field.period / speed}
     return field.with_values(**made)
 
 
 def _grown(field: FlowField, energy: float, entering: float) -> Array:
     """The factor (N,) on k, the same at all times: ``energy`` on as much of its mean as is ``entering`` (m2/s2)."""
-    if field.k is None:
+    if not field.has("k"):
         return np.asarray(energy)
     steady = field.k.ndim == 1
-    mean = field.k if steady else field.k[0] if field.coefficients is not None else field.k.mean(axis=0)
+    mean = field.k if steady else field.k[0] if field.has("coefficients") else field.k.mean(axis=0)
     brought = np.divide(entering, mean, out=np.full_like(mean, np.inf), where=mean > 0.0)
     return np.asarray(1.0 + (energy - 1.0) * np.minimum(1.0, brought))

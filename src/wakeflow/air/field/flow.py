@@ -9,7 +9,7 @@ splines).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from weakref import ref
@@ -18,23 +18,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...core import sums
-from ...core.arrays import number, numbers
+from ...core.arrays import number, numbers, truths, whole
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
 from ...core.tables import load_arrays, save_arrays
 from ...laws.gas import MEAN_FREE_PATH, PRESSURE, TEMPERATURE
 from ...laws.gas import mean_free_path as path_in_gas
-from . import field_checks as checks
-from .modes import MIN_KNOTS, MeshOscillation, TimeAxis, Truncation, compress, design
-from .triangles import VECTORS, Divergence, Triangles, divergence_of, gradient_operators, mirrored
+from .modes import AT_REST, KEPT_WHOLE, MIN_KNOTS, MeshOscillation, TimeAxis, Truncation, compress, design
+from .triangles import VECTORS, Divergence, Triangles, divergence_of, double_area, gradient_operators, mirrored
 
 Array = NDArray[np.float64]
+EMPTY: Array = np.zeros(0)
+STEADY: dict[str, Any] = {"times": EMPTY, "period": 0.0, "coefficients": EMPTY, "truncation": KEPT_WHOLE}
 POSITIVE = ("k", "dissipation")
-SCALARS = ("period", "density", "viscosity", "temperature", "mean_free_path")
+GAS = ("density", "viscosity", "temperature", "mean_free_path")
 NODAL = ("velocity", "pressure", *POSITIVE, "given_gradient")  # the arrays with a value at every node
-MIN_TURBULENCE_RATIO = (
-    0.05  # of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
-)
+# Of their means: k and dissipation of a compressed field are no smaller. Chosen: a lifetime stays finite
+MIN_TURBULENCE_RATIO = 0.05
+
+
+def _empty() -> Array:
+    return EMPTY
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,21 +50,22 @@ class FlowField(Triangles):
     s, ``temperature`` K, ``mean_free_path`` of the gas's molecules m, 0 in a liquid. Nodal arrays have a leading axis T
     when ``times`` is given: the snapshots; or R, when ``coefficients`` (T, R) is given too: the mean and R - 1 modes,
     ``times`` being the splines' uniform knots, and ``truncation`` what was cut off. ``motion``: the mesh swings as a
-    rigid whole, ``points`` being its middle position; velocities are absolute.
+    rigid whole, ``points`` being its middle position; velocities are absolute. What a field has not (:meth:`has`) is an
+    empty array, a period of 0, a motion of 0.
     """
 
     velocity: Array
-    pressure: Array | None = None
-    times: Array | None = None
-    period: float | None = None
-    k: Array | None = None
-    dissipation: Array | None = None
+    pressure: Array = field(default_factory=_empty)
+    times: Array = field(default_factory=_empty)
+    period: float = 0.0
+    k: Array = field(default_factory=_empty)
+    dissipation: Array = field(default_factory=_empty)
     density: float = 1.2
     viscosity: float = 1.8e-5
-    given_gradient: Array | None = None
-    coefficients: Array | None = None
-    motion: MeshOscillation | None = None
-    truncation: Truncation | None = None
+    given_gradient: Array = field(default_factory=_empty)
+    coefficients: Array = field(default_factory=_empty)
+    motion: MeshOscillation = field(default_factory=lambda: AT_REST)
+    truncation: Truncation = field(default_factory=lambda: KEPT_WHOLE)
     temperature: float = TEMPERATURE
     mean_free_path: float = MEAN_FREE_PATH
 
@@ -95,26 +100,26 @@ class FlowField(Triangles):
         times that do not increase, a period shorter than the time they span, density, viscosity and temperature that
         are not positive, or a mean free path that is negative.
         """
-        nodes = checks.points(points)
-        cells = checks.cells(triangles, nodes)
-        period = None if period is None else checks.period(period, timed=times is not None)
-        clock = None if times is None else checks.times(times, period)
-        parts = None if coefficients is None else checks.coefficients(coefficients, clock, period or 0.0)
-        lead = (len(nodes),) if clock is None else ((clock if parts is None else parts.T).shape[0], len(nodes))
+        nodes = _points(points)
+        cells = _cells(triangles, nodes)
+        length = 0.0 if period is None else _period(period, timed=times is not None)
+        clock = EMPTY if times is None else _times(times, length)
+        parts = EMPTY if coefficients is None else _coefficients(coefficients, clock, length)
+        lead = (*(parts.shape[1:] or clock.shape), len(nodes)) if len(clock) else (len(nodes),)
         given = (
             ("velocity", velocity, (*lead, 2), "m/s"), ("pressure", pressure, lead, "Pa"), ("k", k, lead, "m^2/s^2"),
             ("dissipation", dissipation, lead, "m^2/s^3"), ("pressure_gradient", pressure_gradient, (*lead, 2), "Pa/m"),
         )  # fmt: skip
-        nodal: dict[str, Any] = {n: checks.of_shape(n, v, shape, unit) for n, v, shape, unit in given if v is not None}
+        nodal: dict[str, Any] = {n: _of_shape(n, v, shape, unit) for n, v, shape, unit in given if v is not None}
         if walls is not None and "k" in nodal:
-            nodal["k"][..., checks.flags("walls", walls, (len(nodes),))] = 0.0
-        lost = None if truncation is None else Truncation.from_array(checks.finite("truncation", truncation))
+            nodal["k"][..., _flags("walls", walls, (len(nodes),))] = 0.0
+        lost = KEPT_WHOLE if truncation is None else Truncation.from_array(_finite("truncation", truncation))
         field = cls(
-            nodes, cells, times=clock, period=period, coefficients=parts, truncation=lost,
-            given_gradient=nodal.pop("pressure_gradient", None), **nodal,
+            nodes, cells, times=clock, period=length, coefficients=parts, truncation=lost,
+            given_gradient=nodal.pop("pressure_gradient", EMPTY), **nodal,
             **_gas(temperature, density=density, viscosity=viscosity, mean_free_path=mean_free_path),
         )  # fmt: skip
-        return field if motion is None else field.moving(*checks.motion(motion))
+        return field if motion is None else field.moving(*_motion(motion))
 
     @classmethod
     def from_openfoam(
@@ -138,10 +143,20 @@ class FlowField(Triangles):
 
     # -- values ----------------------------------------------------------------------------------------------------
 
+    def has(self, name: str) -> bool:
+        """Whether there is what the class calls ``name``."""
+        value = getattr(self, name)
+        return value.size > 0 if isinstance(value, np.ndarray) else bool(value)
+
+    @property
+    def in_time(self) -> bool:
+        """Whether the field is one in time."""
+        return len(self.times) > 0
+
     @cached_property
-    def pressure_gradient(self) -> Array | None:
-        """Pressure gradient at the nodes (.., N, 2) Pa/m, second order up to the boundary; None without pressure."""
-        if self.given_gradient is not None or self.pressure is None:
+    def pressure_gradient(self) -> Array:
+        """Pressure gradient at the nodes (.., N, 2) Pa/m, second order up to the boundary; none without pressure."""
+        if self.has("given_gradient") or not self.has("pressure"):
             return self.given_gradient
         along_x, along_y = gradient_operators(self.points, self.triangles)
         flat = np.atleast_2d(self.pressure).T
@@ -151,9 +166,7 @@ class FlowField(Triangles):
     @cached_property
     def time_axis(self) -> TimeAxis:
         """The field's functions of time."""
-        times = np.zeros(0) if self.times is None else self.times
-        period = np.inf if self.period is None else self.period
-        return TimeAxis(times, period, np.zeros((0, 0)) if self.coefficients is None else self.coefficients)
+        return TimeAxis(self.times, self.period or np.inf, self.coefficients)
 
     def weights(self, t: float) -> Array:
         """The weight of each snapshot or part (R,) in the field at time ``t`` (s); a lone 1 when steady."""
@@ -171,7 +184,7 @@ class FlowField(Triangles):
         The tracker's interpolant: linear in triangles, in time as the class says; in a moving mesh where it is then.
         """
         points, t = np.atleast_2d(numbers("x", x, "m")), number("t", t, "s")
-        if self.motion is not None:
+        if self.motion:
             points = points - self.motion.displacement(t)
         triangle = self.locate(points)
         inside = triangle >= 0
@@ -182,14 +195,14 @@ class FlowField(Triangles):
         velocity, pressure, gradient = (np.full((len(points), *shape), np.nan) for shape in ((2,), (), (2,)))
         parts = (self.velocity, self.pressure, self.pressure_gradient)
         for result, nodal in zip((velocity, pressure, gradient), parts, strict=True):
-            if nodal is not None:
-                now = nodal if self.times is None else np.tensordot(shares, nodal, axes=1)
+            if nodal.size:
+                now = np.tensordot(shares, nodal, axes=1) if self.in_time else nodal
                 result[inside] = np.einsum("nk,nk...->n...", weight, now[corner])
         return velocity, pressure, gradient
 
     def divergence(self) -> Divergence:
         """Divergence of the interpolated velocity in every triangle, and how large it is against U / h."""
-        if self.coefficients is not None:
+        if self.has("coefficients"):
             return self.snapshots().divergence()
         return divergence_of(self, self.velocity)
 
@@ -197,11 +210,7 @@ class FlowField(Triangles):
 
     def mean(self) -> FlowField:
         """The time mean as a steady field: trapezoidal rule over the snapshots, round the period if there is one."""
-        if self.times is None:
-            return self
-        share = self.time_axis.mean_weights()
-        steady: dict[str, Any] = {"times": None, "period": None, "coefficients": None, "truncation": None}
-        return self.mapped(lambda nodal: np.tensordot(share, nodal, axes=1)).with_values(**steady)
+        return still(self, self.time_axis.mean_weights()) if self.in_time else self
 
     def compressed(self, error: float = 0.01, knots: int | None = None) -> FlowField:
         """Snapshots over a period as mean and modes with smooth functions of time; see :mod:`.modes`.
@@ -211,7 +220,7 @@ class FlowField(Triangles):
         Nodal values are rounded to single precision. Raises SceneError without a period or with fewer than eight
         snapshots. A field that is compressed already, or steady, comes back as it is.
         """
-        if self.times is None or self.coefficients is not None:
+        if not self.in_time or self.has("coefficients"):
             return self
         axis = self.time_axis
         tried = range(MIN_KNOTS, len(axis.times) + 1) if knots is None else [knots]
@@ -222,10 +231,10 @@ class FlowField(Triangles):
 
     def snapshots(self) -> FlowField:
         """Mean and modes as snapshots at the knots; other fields as they are."""
-        if self.coefficients is None:
+        if not self.has("coefficients"):
             return self
         values: dict[str, Any] = {name: self.at_knots(name) for name in nodal(self)}
-        return self.with_values(**values, coefficients=None, truncation=None)
+        return self.with_values(**values, coefficients=EMPTY, truncation=KEPT_WHOLE)
 
     def at_knots(self, name: str) -> Array:
         """A nodal array (T, N, ..) at the knots of a field of mean and modes.
@@ -244,9 +253,9 @@ class FlowField(Triangles):
         The points are those of the middle position; velocities stay what they are, absolute. A field in time must
         repeat after a whole number of swings, which is a SceneError otherwise.
         """
-        across, along = checks.of_shape("amplitude", amplitude, (2,), "m").tolist()
+        across, along = _of_shape("amplitude", amplitude, (2,), "m").tolist()
         swing = MeshOscillation(across, along, number("omega", omega, "rad/s"), number("phase", phase, "rad"))
-        swing.check(self.times is not None, self.time_axis.period)
+        swing.check(self.in_time, self.time_axis.period)
         return self.with_values(motion=swing)
 
     def mirrored(self, x: float = 0.0) -> FlowField:
@@ -257,7 +266,7 @@ class FlowField(Triangles):
         Raises SceneError when points lie on both sides, or none on the axis.
         """
         points, triangles, whole = mirrored(self.points, self.triangles, nodal(self), x)
-        if self.motion is not None and self.motion.x != 0.0:
+        if self.motion.x != 0.0:
             raise SceneError("mirrored: the mesh moves across the axis")
         return replace(self, points=points, triangles=triangles, **whole)
 
@@ -265,7 +274,7 @@ class FlowField(Triangles):
         """The mirror image of the field about the vertical line at ``x``."""
         points = (2 * x, 0.0) + self.points * (-1.0, 1.0)
         image: dict[str, Any] = {n: values * (-1.0, 1.0) for n, values in nodal(self).items() if n in VECTORS}
-        motion = None if self.motion is None else self.motion._replace(x=-self.motion.x)
+        motion = self.motion._replace(x=-self.motion.x)
         triangles = np.ascontiguousarray(self.triangles[:, ::-1])
         return replace(self, points=points, triangles=triangles, motion=motion, **image)
 
@@ -295,10 +304,10 @@ class FlowField(Triangles):
 
     def save(self, path: Path | str) -> None:
         """Write all arrays to one .npz file, whole or not at all; nodal arrays of modes in single precision."""
-        names = (name for name in self.__dataclass_fields__ if getattr(self, name) is not None)
-        short = NODAL if self.coefficients is not None else ()
-        arrays = {name: getattr(self, name) for name in names}
-        if self.truncation is not None:
+        short = NODAL if self.has("coefficients") else ()
+        kept = (name for name in self.__dataclass_fields__ if self.has(name) or name in GAS)
+        arrays = {name: getattr(self, name) for name in kept}
+        if self.truncation:
             arrays["truncation"] = astuple(self.truncation)
         save_arrays(path, {n: np.asarray(a, dtype=np.float32 if n in short else None) for n, a in arrays.items()})
 
@@ -314,7 +323,7 @@ class FlowField(Triangles):
             raise SceneError(f"{path}: is not a flow field written by wakeflow")
         sums.check(file.parent, file.name, AGAIN)
         try:
-            scalars = {n: float(content.pop(n)) for n in SCALARS if n in content}
+            scalars = {n: float(content.pop(n)) for n in ("period", *GAS) if n in content}
             gradient = content.pop("given_gradient", None)
             return cls.from_arrays(**content, pressure_gradient=gradient, **scalars)
         except (TypeError, IndexError, ValueError) as problem:
@@ -326,7 +335,12 @@ AGAIN = "it cannot be read as a flow field; the run that wrote it writes it anew
 
 def nodal(field: FlowField) -> dict[str, Any]:
     """The nodal arrays that a ``field`` has, by name."""
-    return {name: values for name in NODAL if (values := getattr(field, name)) is not None}
+    return {name: getattr(field, name) for name in NODAL if field.has(name)}
+
+
+def still(field: FlowField, weights: Array) -> FlowField:
+    """A steady field: the snapshots or parts of one in time, with these ``weights`` (R,)."""
+    return field.mapped(lambda nodal: np.tensordot(weights, nodal, axes=1)).with_values(**STEADY)
 
 
 def _gas(temperature: float, **numbers: Any) -> dict[str, Any]:
@@ -334,10 +348,10 @@ def _gas(temperature: float, **numbers: Any) -> dict[str, Any]:
     given = {name: value for name, value in numbers.items() if value is not None}
     path = 0.0 if given else MEAN_FREE_PATH
     return {
-        "density": checks.positive("density", given.get("density", 1.2), "kg/m^3"),
-        "viscosity": checks.positive("viscosity", given.get("viscosity", 1.8e-5), "Pa*s"),
-        "temperature": checks.positive("temperature", temperature, "K"),
-        "mean_free_path": checks.positive("mean_free_path", given.get("mean_free_path", path), "m", or_zero=True),
+        "density": _positive("density", given.get("density", 1.2), "kg/m^3"),
+        "viscosity": _positive("viscosity", given.get("viscosity", 1.8e-5), "Pa*s"),
+        "temperature": _positive("temperature", temperature, "K"),
+        "mean_free_path": _positive("mean_free_path", given.get("mean_free_path", path), "m", or_zero=True),
     }
 
 
@@ -374,3 +388,111 @@ def stream_function(field: FlowField) -> Array:
     psi = np.zeros(size)
     psi[1:] = spsolve(matrix[1:, 1:], right[1:])
     return psi
+
+
+# -- Checks of what a flow field is made of; SceneError names what is wrong --------------------------------------------
+Index = NDArray[np.int64]
+FLAT = 1e-12  # area over the square of its longest edge below which a triangle has none: round-off
+
+
+def _finite(name: str, values: ArrayLike, unit: str = "1") -> Array:
+    """A contiguous copy in double precision, in ``unit``; every value is finite."""
+    array = numbers(name, values, unit)
+    bad = ~np.isfinite(array)
+    if bad.any():
+        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise SceneError(f"{name}: {int(bad.sum())} of {array.size} values are not finite, the first at {first}")
+    return array
+
+
+def _points(values: ArrayLike) -> Array:
+    """Points (N, 2) m, at least three."""
+    nodes = _finite("points", values, "m")
+    if nodes.ndim != 2 or nodes.shape[1] != 2 or len(nodes) < 3:
+        raise SceneError(f"points: shape {nodes.shape}, expected (N, 2) with N of at least 3")
+    return nodes
+
+
+def _positive(name: str, value: float, unit: str = "1", *, or_zero: bool = False) -> float:
+    """A number in ``unit`` that is positive, or ``or_zero``, and finite."""
+    result = number(name, value, unit)
+    if not (np.isfinite(result) and (result > 0 or (or_zero and result == 0))):
+        raise SceneError(f"{name} = {result:g} must be positive{' or 0' if or_zero else ''} and finite")
+    return result
+
+
+def _of_shape(name: str, values: ArrayLike, shape: tuple[int, ...], unit: str = "1") -> Array:
+    """Numbers in ``unit`` of exactly this shape."""
+    return _shaped(name, _finite(name, values, unit), shape)
+
+
+def _flags(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Truth values, or numbers that are one where they are not 0, of exactly this shape."""
+    return _shaped(name, truths(name, values), shape)
+
+
+def _shaped(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    if array.shape != shape:
+        raise SceneError(f"{name}: shape {array.shape}, expected {shape}")
+    return array
+
+
+def _cells(triangles: ArrayLike, nodes: Array) -> Index:
+    """Triangles (M, 3) of numbers of the ``nodes`` (N, 2), each with an area; clockwise ones are turned round."""
+    cells = whole("triangles", triangles)
+    if cells.ndim != 2 or cells.shape[1] != 3 or not len(cells):
+        raise SceneError(f"triangles: shape {cells.shape}, expected (M, 3) of integers")
+    if cells.min() < 0 or cells.max() >= len(nodes):
+        raise SceneError(f"triangles: node {int(cells.max())} and {int(cells.min())}, allowed 0 to {len(nodes) - 1}")
+    double = double_area(nodes, cells)
+    cells[double < 0] = cells[double < 0][:, ::-1]
+    p = nodes[cells]
+    longest = np.max(np.sum((p - np.roll(p, 1, axis=1)) ** 2, axis=2), axis=1)
+    flat = np.abs(double) <= FLAT * longest
+    if flat.any():
+        raise SceneError(
+            f"triangles: {int(flat.sum())} of {len(cells)} have no area, the first is {int(flat.argmax())}"
+        )
+    return np.ascontiguousarray(cells)
+
+
+def _period(value: float, *, timed: bool) -> float:
+    """A period (s), which goes with the times of snapshots."""
+    length = number("period", value, "s")
+    if not timed:
+        raise SceneError(f"period = {length} s needs the times of the snapshots")
+    return length
+
+
+def _times(values: ArrayLike, period: float) -> Array:
+    """Increasing times (T,) s that span no more than the ``period`` (s), where it is not 0."""
+    clock = _finite("times", values, "s")
+    if clock.ndim != 1 or not len(clock):
+        raise SceneError(f"times: shape {clock.shape}, expected (T,)")
+    if np.any(np.diff(clock) <= 0):
+        raise SceneError(f"times: must increase, but do not after entry {int(np.argmax(np.diff(clock) <= 0))}")
+    if period and not (np.isfinite(period) and period >= clock[-1] - clock[0]):
+        raise SceneError(f"period = {period:g} s is shorter than the {clock[-1] - clock[0]:g} s the times span")
+    return clock
+
+
+def _coefficients(values: ArrayLike, knots: Array, period: float) -> Array:
+    """Coefficients (T, R) of splines whose ``knots`` (T,) s are the times: uniform over the ``period`` (s; 0 without
+    one), at least four.
+    """
+    array = _finite("coefficients", values)
+    if not period or len(knots) < 4:
+        raise SceneError("coefficients: need a period and at least four times, the knots of the splines")
+    if array.ndim != 2 or array.shape[0] != len(knots) or array.shape[1] < 1:
+        raise SceneError(f"coefficients: shape {array.shape}, expected ({len(knots)}, R), a row for each time")
+    if not np.allclose(np.diff(knots), period / len(knots), rtol=1e-6, atol=0.0):
+        raise SceneError("coefficients: the times, the knots of the splines, must be uniform over the period")
+    if not (np.allclose(array[:, 0], 1.0) and np.allclose(array[:, 1:].mean(axis=0), 0.0, atol=1e-9)):
+        raise SceneError("coefficients: the first column must be 1, for the mean, and the others have the mean 0")
+    return array
+
+
+def _motion(values: ArrayLike) -> tuple[tuple[float, float], float, float]:
+    """Amplitude (x, y) m, omega (rad/s) and, where it is given, phase (rad) of a moving mesh from a flat list."""
+    x, y, omega, *phase = _finite("motion", values).ravel().tolist()
+    return (x, y), omega, phase[0] if phase else 0.0

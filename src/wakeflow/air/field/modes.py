@@ -146,6 +146,10 @@ class MeshOscillation(NamedTuple):
     omega: float
     phase: float = 0.0
 
+    def __bool__(self) -> bool:
+        """Whether it moves."""
+        return self.omega > 0.0
+
     def displacement(self, t: ArrayLike) -> Array:
         """Where the mesh is (.., 2) m at times ``t`` (..,) s, from where its points say."""
         angle = self.omega * np.asarray(t, dtype=float) + self.phase
@@ -168,6 +172,8 @@ class MeshOscillation(NamedTuple):
                 raise SceneError(f"motion: the field repeats after {turns:.4g} swings of its mesh, not a whole number")
 
 
+AT_REST = MeshOscillation(0.0, 0.0, 0.0)
+
 # -- A repeating field as its mean and the modes that matter -----------------------------------------------------------
 TINY = 1e-13  # of the mean square: a fluctuation below it is round-off
 MIN_KNOTS = 8  # of a period, for splines and snapshots alike; chosen: below, a mode's function of time is a guess
@@ -186,11 +192,18 @@ class Truncation:
     k: float = column("1", "turbulent kinetic energy cut off: rms over its rms")
     dissipation: float = column("1", "its dissipation cut off: rms over its rms")
 
+    def __bool__(self) -> bool:
+        """Whether it was stored so, :data:`KEPT_WHOLE` being one that was not."""
+        return self.snapshots > 0
+
     @classmethod
     def from_array(cls, values: Array) -> Truncation:
         """The record from its numbers in order, as a file holds them."""
         modes, knots, snapshots, *lost = values.ravel().tolist()
         return cls(int(modes), int(knots), int(snapshots), *lost)
+
+
+KEPT_WHOLE = Truncation(0, 0, 0, *[0.0] * 5)
 
 
 def compress(

@@ -20,7 +20,7 @@ from ...core.errors import SceneError
 from ...core.files import write_json
 from ...core.geometry import ForceDensity
 from ...core.record import load, save
-from .airflow_result import Attempt, CaseResult
+from .airflow_result import AirflowResult, Attempt
 from .case import FlowSpec, write_parameters
 from .measure import measure
 from .momentum_source import write_source
@@ -77,7 +77,7 @@ def climb(
 
 def schemes_in(case: Path) -> str:
     """The settings of LADDER with whose schemes the airflow in the folder ``case`` was solved in the end."""
-    return _schemes(load(CaseResult, case / "airflow.json").settings or "normal")
+    return _schemes(load(AirflowResult, case / "airflow.json").settings or "normal")
 
 
 def _schemes(settings: str) -> str:
@@ -117,10 +117,10 @@ def _all_failed(failure: AirflowFailure, folder: Path, tried: list[Attempt]) -> 
     )
 
 
-def warning(settings: str, attempts: Sequence[Attempt]) -> str | None:
-    """A line that says which settings served and why not the usual ones; None when those did."""
+def warning(settings: str, attempts: Sequence[Attempt]) -> str:
+    """A line that says which settings served and why not the usual ones; empty when those did."""
     if settings == "normal":
-        return None
+        return ""
     lower = "; first order: wakes are smeared, drag and suction less certain" if settings == "first-order" else ""
     failed = f" after {', '.join(f'{a.settings} {a.cause}' for a in attempts)}" if attempts else ""
     return f"airflow solved with {settings} settings ({FALLBACKS[settings]}){failed}{lower}"
@@ -196,7 +196,7 @@ def solve_airflow(
     force: ForceDensity | None = None,
     listener: ProgressListener = lambda _: None,
     most: int = MOST,
-) -> CaseResult:
+) -> AirflowResult:
     """Solve the airflow in the case ``folder`` on the mesh file ``msh``; ``airflow.json`` there holds the result.
 
     Goes on from what an interrupted call left in ``folder``. ``start``: the case folder of any solved airflow to start
@@ -212,7 +212,7 @@ def solve_airflow(
     with disk_trouble_named(folder):
         folder.mkdir(parents=True, exist_ok=True)
 
-        def solve(how: FlowSpec, first_order: bool) -> CaseResult:
+        def solve(how: FlowSpec, first_order: bool) -> AirflowResult:
             check = prepare_case(how, msh, folder)
             if force is not None:
                 write_source(folder, force, spec.density)

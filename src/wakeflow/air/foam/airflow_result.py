@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Annotated, TypeVar
+from dataclasses import dataclass
+from typing import Annotated
 
-from ...core.number import Count, Known, Number
+from ...core.number import NO_NUMBER, Count, Known, Measured
 from ...core.record import Null, column
 
-Kind = TypeVar("Kind")
 SPANNED = 0.99  # channel widths: a suction zone as wide as this reaches both walls, but for a cell at each
 
 
@@ -85,6 +84,10 @@ class RunStatistics:
     accuracy: float = column("1", "relative half width of the intervals that was asked for")
     excess: float = column("1", "largest half width over the one asked for")
 
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return self.periods > 0
+
 
 @dataclass(frozen=True)
 class AxisProfiles:
@@ -116,11 +119,17 @@ class SpanwiseMotion:
     flown: tuple[int, ...] = column("1", "the layers that granules are flown in, each a plane airflow")
     axis: AxisProfiles = column("", "on the body's axis")
 
+    def __bool__(self) -> bool:
+        """Whether there is a span."""
+        return self.layers > 0
+
 
 # Where nothing is known
 NO_SUCTION = SuctionZone(*[math.nan] * 5)
 AT_REST = MeshMotionSummary((), 0.0, 0.0)
 UNCHECKED = CheckMesh(*[math.nan] * 3)
+NO_STATISTICS = RunStatistics(0, 0.0, 0.0, 0.0)
+IN_PLANE = SpanwiseMotion(0.0, 0, 0.0, 0, 0.0, 0.0, (), (), (), AxisProfiles(*[()] * 7))
 Text = Annotated[str, Null("")]
 Shares = Annotated[dict[str, float], Null({})]
 
@@ -148,17 +157,17 @@ class AirflowResult:
         default="",
     )
     turbulence: Text = column("", "turbulence model", default="")
-    cells: int | None = column("1", "mesh cells", default=None)
+    cells: Count = column("1", "mesh cells", default=0)
     reynolds: Known = column("1", "Reynolds number on the first body's width, inlet's speed", default=math.nan)
-    cd: Number | None = column("1", "drag coefficient of all bodies on the first one's width", default=None)
-    cl_rms: Number | None = column("1", "lift coefficient, root mean square", default=None)
-    strouhal: Number | None = column("1", "Strouhal number f D / U of the shedding; null when steady", default=None)
-    cp_base: Number | None = column("1", "base pressure coefficient, behind the first body", default=None)
-    cp_front: float | None = column("1", "pressure coefficient at the first body's front", default=None)
-    p_inlet: float | None = column("Pa", "mean static pressure on the inlet", default=None)
+    cd: Measured = column("1", "drag coefficient of all bodies on the first one's width", default=NO_NUMBER)
+    cl_rms: Measured = column("1", "lift coefficient, root mean square", default=NO_NUMBER)
+    strouhal: Measured = column("1", "Strouhal number f D / U of the shedding; null when steady", default=NO_NUMBER)
+    cp_base: Measured = column("1", "base pressure coefficient, behind the first body", default=NO_NUMBER)
+    cp_front: Known = column("1", "pressure coefficient at the first body's front", default=math.nan)
+    p_inlet: Known = column("Pa", "mean static pressure on the inlet", default=math.nan)
     pressure_drop: Known = column("Pa", "inlet less outlet", default=math.nan)
     flow_rate: Known = column("m2/s", "air flow of the whole channel, per metre of depth", default=math.nan)
-    mass_error: float | None = column("1", "inflow less outflow, over inflow", default=None)
+    mass_error: Known = column("1", "inflow less outflow, over inflow", default=math.nan)
     suction: Annotated[SuctionZone, Null(NO_SUCTION)] = column(
         "", "the suction zone behind the first body", default=NO_SUCTION
     )
@@ -166,51 +175,24 @@ class AirflowResult:
         "1", "least and largest y+ of the cells at the bodies", default=()
     )
     steps: Count = column("1", "iterations or time steps of the solver", default=0)
-    seconds: float | None = column("s", "wall time of the solver", default=None)
+    seconds: Known = column("s", "wall time of the solver", default=math.nan)
     field_time: Text = column("", "what the tracker reads: latest, mean, all or states", default="")
-    period: float | None = column("s", "length of the stored loop; null when steady", default=None)
+    period: Known = column("s", "length of the stored loop; null when steady", default=math.nan)
     motion: Annotated[MeshMotionSummary, Null(AT_REST)] = column(
         "", "of the mesh; null where it rests", default=AT_REST
     )
-    loop_mismatch: float | None = column(
-        "1", "rms velocity jump where the loop joins over rms fluctuation", default=None
-    )
+    loop_mismatch: Known = column("1", "rms velocity jump where the loop joins over rms fluctuation", default=math.nan)
     residuals: Shares = column("1", "last residual of every equation", default=dict)
     mesh: Annotated[CheckMesh, Null(UNCHECKED)] = column("", "how good the cells are", default=UNCHECKED)
-    statistics: RunStatistics | None = column("", "of a time-resolved run", default=None)
+    statistics: Annotated[RunStatistics, Null(NO_STATISTICS)] = column(
+        "", "of a time-resolved run", default=NO_STATISTICS
+    )
     notes: tuple[str, ...] | None = column("", "what a reader must know of the solution", default=None)
     cd_of: dict[str, float] | None = column("1", "each body's part of cd, where there are several", default=None)
     settings: Text = column("", "the solver's settings that served", default="")
     attempts: tuple[Attempt, ...] | None = column("", "solutions that failed before", default=None)
     checks: Shares = column("1", "share of every sanity limit that is taken up", default=dict)
-    span: SpanwiseMotion | None = column("", "of an airflow in three dimensions; null in the plane", default=None)
+    span: Annotated[SpanwiseMotion, Null(IN_PLANE)] = column(
+        "", "of an airflow in three dimensions; null in the plane", default=IN_PLANE
+    )
     half: bool | None = column("", "whether a given case is the right half of the channel", default=None)
-
-
-def _always(kind: type[Kind]) -> type[Kind]:
-    """A record whose own fields are columns of the one that it derives from, and have a value."""
-    for name in vars(kind)["__annotations__"]:
-        setattr(kind, name, field(metadata=kind.__dataclass_fields__[name].metadata))  # type: ignore[attr-defined]
-    return kind
-
-
-@dataclass(frozen=True, kw_only=True)
-@_always
-class CaseResult(AirflowResult):
-    """The same of an airflow in an OpenFOAM case, solved or given: these it always has."""
-
-    cells: int
-    cd: Number
-    cp_base: Number
-    cp_front: float
-    p_inlet: float
-    mass_error: float
-
-
-@dataclass(frozen=True, kw_only=True)
-@_always
-class SpanResult(CaseResult):
-    """The same of an airflow in three dimensions."""
-
-    period: float
-    span: SpanwiseMotion

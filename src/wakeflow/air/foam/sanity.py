@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from ...core.errors import FoamError
 from ...core.files import read_json
 from ...core.geometry import between_walls
-from .airflow_result import CaseResult
+from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .momentum_source import SOURCE
 from .programs import AirflowFailure, Cause
@@ -177,7 +177,7 @@ def is_sane(spec: FlowSpec, folder: Path, time: Path) -> bool:
         return False
 
 
-def check_airflow(spec: FlowSpec, folder: Path, result: CaseResult) -> list[Check]:
+def check_airflow(spec: FlowSpec, folder: Path, result: AirflowResult) -> list[Check]:
     """Fields of the latest time and measured numbers within their limits. Raises AirflowFailure naming those beyond,
     and the limit.
     """

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ...core.files import write_json
 from .case import FlowSpec
-from .force_history import Tail, kind_of, oscillation, read_vectors, spread
 from .read import STATES, time_folders
 from .solver import PHASE, drop_after, ended_early, last_state, purge, run_segment
 from .start import start_from
+from .statistics import Tail, kind_of, oscillation, read_vectors, spread
 from .watch import ProgressListener, Watch
 
 Array = NDArray[np.float64]

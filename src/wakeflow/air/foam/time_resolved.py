@@ -15,11 +15,10 @@ from ...core.errors import FoamError
 from ...core.files import write_json
 from ...core.record import JsonTable
 from .case import FlowSpec, MeshMotion
-from .force_history import Tail
 from .read import LOOP, CaseFields, time_folders
 from .solver import PHASE, SAME, drop_after, last_state, purge, run_segment, segment_ends
 from .start import first_step, start_in_time
-from .statistics import Stopping, cycles, evaluate, is_still
+from .statistics import Stopping, Tail, cycles, evaluate, is_still
 from .watch import ProgressListener, Watch
 
 Array = NDArray[np.float64]
@@ -92,8 +91,7 @@ def _verdict(spec: FlowSpec, rows: Array) -> str:
     """steady | periodic | broadband; the wake that only swings with a vibrating body is periodic."""
     if is_still(rows, spec.convective_time, swings=spec.vibration is not None):
         return "steady" if spec.vibration is None else "periodic"
-    result = evaluate(rows, spec.accuracy)
-    return result.verdict if result else "broadband"
+    return evaluate(rows, spec.accuracy).verdict
 
 
 def _start_up(spec: FlowSpec, folder: Path, listener: ProgressListener) -> None:

@@ -15,7 +15,7 @@ from ...core.geometry import distance_to, distance_to_edges
 from ...core.number import Number
 from ...core.record import JsonTable
 from ...laws.turbulence import NUT
-from .airflow_result import CaseResult
+from .airflow_result import AirflowResult
 from .case import FlowSpec
 from .measure import Edges, motion_in, plane_numbers
 from .read import READ, CaseFields, Snapshot, loop_of, read_flow, time_folders
@@ -41,7 +41,7 @@ def case_files(case: Path, time: str) -> list[Path]:
     return [case / "constant", *(path for path in extra if path.exists()), *chosen, *taken]
 
 
-def measure_given(spec: FlowSpec, case: Path, time: str) -> CaseResult:
+def measure_given(spec: FlowSpec, case: Path, time: str) -> AirflowResult:
     """What a given case says of its airflow; verdict "given".
 
     ``spec`` holds the scene's bodies, channel and air; ``time``: "latest", "mean" or "all", as for ``read_flow``. Cd is
@@ -57,14 +57,14 @@ def measure_given(spec: FlowSpec, case: Path, time: str) -> CaseResult:
     _check_bodies(spec, plane, wall)
     loop = loop_of(case)
     cycle = loop if time == "all" else {}
-    return CaseResult(
+    return AirflowResult(
         stepping="given",
         verdict="given",
         **_from_fields(spec, fields, _chosen_times(fields, time, loop), time, wall),
         field_time=time,
-        period=cycle.get("period"),
+        period=cycle.get("period", np.nan),
         motion=motion_in(loop),
-        loop_mismatch=cycle.get("mismatch"),
+        loop_mismatch=cycle.get("mismatch", np.nan),
         half=half,
     )
 

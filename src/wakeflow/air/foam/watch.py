@@ -14,8 +14,8 @@ import numpy as np
 from ...core.errors import FoamError
 from ...core.process import tail
 from .case import read_parameters
-from .force_history import CD, HistoryTable
 from .programs import AirflowFailure, Cause
+from .statistics import CD, HistoryTable
 
 LOOK_EVERY = 0.2  # s of wall time between two looks at the history; chosen: an eye sees no faster
 ABSURD = 1e3  # a drag coefficient that no body has above Re 1; below, drag grows as 1/Re

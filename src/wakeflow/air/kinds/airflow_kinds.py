@@ -8,12 +8,16 @@ case; the kinds themselves are in the modules that :mod:`.every_kind` names.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
@@ -25,14 +29,64 @@ from ...laws.turbulence import USUAL, turbulence_models
 from ...planning.plan import Plan
 from ...planning.stage_cache import StageCache, code_of, version_of
 from ...scene import Scene
-from ..mesh.spec import MeshReport
-from .airflow_table import Airflow, CaseAirflow, SpanAirflow
-from .realisations import Realisations
+from ..mesh.spec import NO_MESH, MeshReport
+from .airflow_table import Airflow
 
 if TYPE_CHECKING:
-    from ..field import FlowField, Truncation
+    from ..field import FlowField
     from ..foam import FlowSpec
     from ..mesh import MeshSpec
+
+
+# -- Realisations of an airflow ----------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class Realisations:
+    """The fields of one airflow. Replicate r flies in number r mod n of the n there are.
+
+    ``field``: the first, which pictures show too; None in a vacuum. ``others`` make the further ones when they are
+    flown in, since fields may be large: a late state of a steady airflow that does not settle, a layer of a record in
+    three dimensions. All have one period, or none has. ``cycles``: of the shedding in that period, or parts of a record
+    that are as good as independent; 1 where nothing changes. Each of them is one draw of the real airflow: their number
+    is what the intervals rest on beside that of the granules.
+    """
+
+    field: FlowField | None
+    others: tuple[Callable[[], FlowField], ...] = ()
+    cycles: int = 1
+
+    def __len__(self) -> int:
+        return 1 + len(self.others)
+
+    @property
+    def period(self) -> float:
+        """Over which granules are released (s); 0 in a steady airflow and in a vacuum."""
+        return 0.0 if self.field is None else self.field.period
+
+    def make(self, number: int) -> FlowField | None:
+        """One of the fields. Raises SceneError where its period is not the first one's."""
+        if number == 0:
+            return self.field
+        made = self.others[number - 1]()
+        if made.period != self.period:
+            raise SceneError(f"realisation {number}: its period is {made.period} s, the first one's {self.period} s")
+        return made
+
+    def mapped(self, change: Callable[[FlowField], FlowField]) -> Realisations:
+        """The same realisations with ``change`` applied to each field."""
+        if self.field is None:
+            return self
+        others = tuple(partial(_changed, change, other) for other in self.others)
+        return replace(self, field=change(self.field), others=others)
+
+    def cycle_of(self, time: NDArray[np.float64]) -> NDArray[np.uint16]:
+        """The cycle, from 0, within which granules are released at ``time`` (n,) s."""
+        if not self.period:
+            return np.zeros(len(time), dtype=np.uint16)
+        return np.minimum(np.floor(time / self.period % 1.0 * self.cycles), self.cycles - 1).astype(np.uint16)
+
+
+def _changed(change: Callable[[FlowField], FlowField], make: Callable[[], FlowField]) -> FlowField:
+    return change(make())
 
 
 # -- What a scene asks of Gmsh and OpenFOAM under its plan -------------------------------------------------------------
@@ -52,7 +106,7 @@ def mesh_spec(scene: Scene, plan: Plan, grid: int = 0) -> MeshSpec:
         rung="standard" if plan.airflow.stepping == "time-resolved" else "draft",
         scale=scene.numerics.mesh_scale * plan.airflow.scales[grid],
         inlets=[SideInlet(name, inlet.side, *inlet.span) for name, inlet in channel.inlet.items()],
-        extend=channel.extend and air.case is None,
+        extend=channel.extend and not air.case,
         half=plan.airflow.half,
     )
 
@@ -80,7 +134,7 @@ def flow_spec(scene: Scene, plan: Plan, mesh: MeshSpec) -> FlowSpec:
         ranks=0 if scene.numerics.ranks == "auto" else scene.numerics.ranks,
         vibration=MeshMotion(float(amplitude[1]), omega) if how.moving else None,
     )
-    return plane if how.span is None else SpanSpec(**vars(plane), span=how.span)
+    return SpanSpec(**vars(plane), span=how.span) if how.span else plane
 
 
 # -- Air ---------------------------------------------------------------------------------------------------------------
@@ -145,14 +199,9 @@ class FlownAir(ABC):
         return replace(self.make_numbers(), rung=self.plan.rung)
 
     @property
-    def mesh_quality(self) -> MeshReport | None:
-        """Counts and quality of the mesh; None without one."""
-        return None
-
-    @property
-    def truncation(self) -> Truncation | None:
-        """What the field lost when it was stored as a mean and modes; None for a field that is stored whole."""
-        return self.field.truncation
+    def mesh_quality(self) -> MeshReport:
+        """Counts and quality of the mesh; no cells without one."""
+        return NO_MESH
 
     @property
     def in_case(self) -> CaseAir:
@@ -160,9 +209,9 @@ class FlownAir(ABC):
         raise SceneError(f"airflow {self.plan.airflow.kind}: it has neither mesh nor OpenFOAM case")
 
     @property
-    def solver(self) -> str | None:
-        """Version of the OpenFOAM that solves it; None where none does."""
-        return None
+    def solver(self) -> str:
+        """Version of the OpenFOAM that solves it; empty where none does."""
+        return ""
 
 
 airflow_kinds: Registry[type[FlownAir]] = Registry("kind of airflow")
@@ -205,9 +254,9 @@ class CaseAir(FlownAir):
         return self.mesh_spec.half
 
     @property
-    def measured(self) -> CaseAirflow:
+    def measured(self) -> Airflow:
         """What was measured on the case."""
-        return load(CaseAirflow, self.solution[1] / "case" / "airflow.json")
+        return load(Airflow, self.solution[1] / "case" / "airflow.json")
 
     def make_numbers(self) -> Airflow:
         return self.measured
@@ -216,7 +265,7 @@ class CaseAir(FlownAir):
     def stored(self) -> StoredFields:
         """The fields that granules can fly in, in the cache."""
         span = self.plan.airflow.span
-        return plane_fields(self) if span is None else layer_fields(self, span)
+        return layer_fields(self, span) if span else plane_fields(self)
 
     @property
     def key(self) -> str:
@@ -239,7 +288,7 @@ class CaseAir(FlownAir):
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        statistics = () if self.measured.period is None else ("airflow-statistics",)
+        statistics = () if math.isnan(self.measured.period) else ("airflow-statistics",)
         return ("mesh", *(("airflow-model",) if self.model_is_unknown else ()), *statistics)
 
     @property
@@ -277,7 +326,7 @@ def plane_fields(air: CaseAir) -> StoredFields:
 
     folder = _made("field", air, write)
     shown, cycles = folder / "field.npz", 1
-    if air.measured.period is not None:
+    if not math.isnan(air.measured.period):
         cycles = max(1, int(loop_of(air.case)["periods"]))
     return StoredFields(shown, sorted(folder.glob("state-*.npz")) or [shown], cycles)
 
@@ -290,7 +339,7 @@ def layer_fields(air: CaseAir, span: Span) -> StoredFields:
     """
     from .case_field import layer_file, save_layers
 
-    spec, result = air.flow_spec, load(SpanAirflow, air.case / "airflow.json")
+    spec, result = air.flow_spec, air.measured
     flown = result.span.flown
 
     def write(part: Path) -> None:
@@ -299,7 +348,7 @@ def layer_fields(air: CaseAir, span: Span) -> StoredFields:
 
     folder = _made("layers", air, write)
     files = [layer_file(folder, number) for number in range(len(flown))]
-    number = 1.0 / CONVECTIVE_PERIOD if result.strouhal is None else result.strouhal.value
+    number = result.strouhal.value if result.strouhal else 1.0 / CONVECTIVE_PERIOD
     sheddings = result.period / spec.convective_time * number
     return StoredFields(files[0], files, max(1, int(sheddings / len(flown))))
 
@@ -323,11 +372,11 @@ class MadeOf(CaseAir):
         return self.bare.mesh_spec
 
     @property
-    def mesh_quality(self) -> MeshReport | None:
+    def mesh_quality(self) -> MeshReport:
         return self.bare.mesh_quality
 
     @property
-    def solver(self) -> str | None:
+    def solver(self) -> str:
         return self.bare.solver
 
     @property

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from ...core.errors import SceneError
-from ...core.number import Known, Number
-from ...core.record import column
-from ...laws.best_estimate import WakeEstimate
+from ...core.number import NO_NUMBER, Known, Measured, Number
+from ...core.record import Null, column
+from ...laws.best_estimate import NO_ESTIMATE, WakeEstimate
 from ...laws.momentum import Momentum, momentum_pressure
 from ...laws.operating_point import FanPoint
 from ...scene.fan_speed import fan_point
-from ..field.modes import Truncation
-from ..foam.airflow_result import AirflowResult, CaseResult, SpanResult, SuctionZone
+from ..field.modes import KEPT_WHOLE, Truncation
+from ..foam.airflow_result import NO_SUCTION, AirflowResult, SuctionZone
 from ..mesh.spec import MeshReport as MeshReport  # handed on
 
 if TYPE_CHECKING:
@@ -28,10 +28,10 @@ class GridEstimate(Number):
     their statistical intervals.
     """
 
-    order: float | None = column("1", "observed order of convergence; null where none was")
+    order: Known = column("1", "observed order of convergence; null where none was")
     kind: str = column("", "richardson, two-grid, range-oscillating or range-statistics")
     why: str = column("", "the kind in words")
-    extrapolated: float | None = column("as the quantity", "to cells of no size", default=None)
+    extrapolated: Known = column("as the quantity", "to cells of no size", default=math.nan)
     gci_fine: Known = column("as the quantity", "half band between the two finest grids", default=math.nan)
     gci_coarse: Known = column("as the quantity", "half band between the second and the third grid", default=math.nan)
     asymptotic: Known = column(
@@ -67,6 +67,13 @@ class MomentumModel:
     cp_front: float = column("1", "pressure coefficient, mean over the front")
     cd: float = column("1", "drag coefficient, with the computed base pressure")
 
+    def __bool__(self) -> bool:
+        """Whether there is a body, and its base pressure."""
+        return not math.isnan(self.cd)
+
+
+NO_MOMENTUM = MomentumModel(math.nan, math.nan)
+
 
 @dataclass(frozen=True)
 class WakeEnd:
@@ -85,6 +92,13 @@ class WakeEnds:
     steady: WakeEnd = column("", "the steady wake")
     time_resolved: WakeEnd = column("", "the wake in time, in two dimensions")
 
+    def __bool__(self) -> bool:
+        """Whether there are two."""
+        return bool(self.steady.cd)
+
+
+NO_ENDS = WakeEnds(*[WakeEnd(NO_NUMBER, NO_NUMBER, NO_NUMBER, NO_SUCTION)] * 2)
+
 
 @dataclass(frozen=True)
 class FanSummary:
@@ -92,12 +106,12 @@ class FanSummary:
 
     point: FanPoint = column("", "at the speed that the air was computed at")
     channel: float = column("Pa", "drop of the channel, as computed at that speed")
-    meets: float | None = column("m/s", "speed at which the curves meet by that drop; null where they do not")
+    meets: Known = column("m/s", "speed at which the curves meet by that drop; null where they do not")
 
     @property
     def off(self) -> float:
         """How far (m/s) the air's speed is from the one at which the curves meet."""
-        return math.inf if self.meets is None else abs(self.meets - self.point.speed.value)
+        return math.inf if math.isnan(self.meets) else abs(self.meets - self.point.speed.value)
 
 
 @dataclass(frozen=True)
@@ -115,16 +129,16 @@ class AirLoadingSummary:
     sampling: float = column(
         "1", "half of the 95 % interval of the force by the granules that it is gathered from, over the force"
     )
-    cd_without: Number | None = column(
-        "1", "drag coefficient of the steady airflow without the force; null without a body", default=None
+    cd_without: Measured = column(
+        "1", "drag coefficient of the steady airflow without the force; null without a body", default=NO_NUMBER
     )
-    cd: Number | None = column("1", "drag coefficient of the steady airflow with it; null without a body", default=None)
+    cd: Measured = column("1", "drag coefficient of the steady airflow with it; null without a body", default=NO_NUMBER)
     verdict: str = column("", "of the steady airflow with it; driven where nothing else moves the air", default="")
     cells: int = column("1", "mesh cells that feel a force; 0 where nothing is meshed", default=0)
     sources: int = column("1", "sources in OpenFOAM's momentum equation; 0 where it is not solved", default=0)
-    speed: float | None = column(
+    speed: float = column(
         "m/s", "largest speed of air that the granules alone drive; left out where other air is moved", absent=True,
-        default=None,
+        default=math.nan,
     )  # fmt: skip
 
 
@@ -133,20 +147,30 @@ class Airflow(AirflowResult):
     """What was measured on the airflow, or is known of it; null where nothing is."""
 
     rung: str = column("", "analytic, draft, standard, reference, 3d or given", default="")
-    grids: tuple[GridStudy, ...] | None = column("", "quantities on several grids; null with one", default=None)
-    wake: WakeEstimate | None = column("", "how the air lies between its ends; null where it is one", default=None)
-    ends: WakeEnds | None = column("", "what each end alone has; null where there are none", default=None)
-    momentum: MomentumModel | None = column("", "the paper's model; null without a body", default=None)
+    grids: Annotated[tuple[GridStudy, ...], Null(())] = column(
+        "", "quantities on several grids; null with one", default=()
+    )
+    wake: Annotated[WakeEstimate, Null(NO_ESTIMATE)] = column(
+        "", "how the air lies between its ends; null where it is one", default=NO_ESTIMATE
+    )
+    ends: Annotated[WakeEnds, Null(NO_ENDS)] = column(
+        "", "what each end alone has; null where there are none", default=NO_ENDS
+    )
+    momentum: Annotated[MomentumModel, Null(NO_MOMENTUM)] = column(
+        "", "the paper's model; null without a body", default=NO_MOMENTUM
+    )
     fan: FanSummary | None = column("", "left out without a fan", absent=True, default=None)
     loading: AirLoadingSummary | None = column(
         "", "the granules' force that it is solved under; null where the air does not feel them", default=None
     )
     divergence: FieldDivergence | None = column("", "of the field that the tracker reads", default=None)
-    truncation: Truncation | None = column("", "of a time-resolved field; null for a steady one", default=None)
+    truncation: Annotated[Truncation, Null(KEPT_WHOLE)] = column(
+        "", "of a time-resolved field; null for a steady one", default=KEPT_WHOLE
+    )
 
     @property
-    def safer_settings(self) -> str | None:
-        """A line that says which safer settings solved the airflow, and why; None where the usual ones did."""
+    def safer_settings(self) -> str:
+        """A line that says which safer settings solved the airflow, and why; empty where the usual ones did."""
         from ..foam.airflow import warning
 
         return warning(self.settings or "normal", self.attempts or ())
@@ -166,17 +190,17 @@ class Airflow(AirflowResult):
             return None
         fan = air.fan.model_copy(update={"channel_loss": self.loss(scene, loaded=loaded)} if scene.body else {})
         try:
-            meets: float | None = fan_point(scene, fan).speed.value
+            meets = fan_point(scene, fan).speed.value
         except SceneError:  # so large a drop that the fan moves nothing
-            meets = None
+            meets = math.nan
         return FanSummary(air.point, self.pressure_drop, meets)
 
-    def by_momentum(self, scene: Scene) -> MomentumModel | None:
+    def by_momentum(self, scene: Scene) -> MomentumModel:
         """The paper's momentum model of the first body, for comparison: pressure on its front, and Cd with the computed
-        base pressure; None without one of both.
+        base pressure; empty without one of both.
         """
-        if not scene.body or self.cp_base is None:
-            return None
+        if not scene.body or not self.cp_base:
+            return NO_MOMENTUM
         model = momentum_of(scene)
         return MomentumModel(model.front, model.drag(self.cp_base.value))
 
@@ -184,13 +208,3 @@ class Airflow(AirflowResult):
 def momentum_of(scene: Scene) -> Momentum:
     """The paper's momentum model of the first body."""
     return momentum_pressure(scene.outline, scene.airstream.direction)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CaseAirflow(CaseResult, Airflow):
-    """What was measured on an airflow in an OpenFOAM case."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SpanAirflow(SpanResult, CaseAirflow):
-    """The same of one in three dimensions."""

@@ -9,20 +9,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import known
 from ...core.lazy import cached_property
 from ...core.number import Number
 from ...core.store import content_key
-from ...laws.best_estimate import WakeEstimate
+from ...laws.best_estimate import NO_ESTIMATE, WakeEstimate
 from ...planning.stage_cache import code_of
 from ..field import FlowField
 from ..field.combined import Wakes
 from ..foam import FlowSpec
 from ..foam.airflow_result import SuctionZone
-from ..foam.suction import suction_zone
-from .airflow_kinds import CaseAir, MadeOf, airflow_kinds
-from .airflow_table import Airflow, CaseAirflow, WakeEnd, WakeEnds
-from .realisations import Realisations
+from ..foam.measure import suction_zone
+from .airflow_kinds import CaseAir, MadeOf, Realisations, airflow_kinds
+from .airflow_table import Airflow, WakeEnd, WakeEnds
 
 
 # -- The air between two wakes -----------------------------------------------------------------------------------------
@@ -39,23 +37,23 @@ class BlendedAir(MadeOf):
         self.steady = steady
 
     @property
-    def estimate(self) -> WakeEstimate | None:
-        """The plan's; None where the answer is the wake in time: where that came to rest, too."""
-        return None if self.bare.field.times is None else self.plan.airflow.wake
+    def estimate(self) -> WakeEstimate:
+        """The plan's; none where the answer is the wake in time: where that came to rest, too."""
+        return self.plan.airflow.wake if self.bare.field.in_time else NO_ESTIMATE
 
     @property
     def key(self) -> str:
-        if (wake := self.estimate) is None:
+        if not (wake := self.estimate):
             return self.bare.key
         numbers = wake.theta.value, wake.strength.value
         return content_key("blend", self.bare.key, self.steady.key, *numbers, code_of("air.field.combined"))
 
     def make_field(self) -> FlowField:
         wake = self.estimate
-        return self.bare.field if wake is None else self.between(wake.theta.value, wake.strength.value)
+        return self.between(wake.theta.value, wake.strength.value) if wake else self.bare.field
 
     def make_numbers(self) -> Airflow:
-        if (wake := self.estimate) is None:
+        if not (wake := self.estimate):
             return self.bare.measured
         mean = self.between(wake.theta.value, 0.0).mean()  # in time where the mesh moves
         return blended_airflow(self.flow_spec, wake, mean, self.steady.measured, self.bare.measured)
@@ -66,7 +64,7 @@ class BlendedAir(MadeOf):
         return Wakes(self.bare.field, self.steady.field)
 
     def between(self, theta: float, strength: float) -> FlowField:
-        if self.bare.field.times is None or theta == strength == 1.0:  # it came to rest, or is wanted as it is
+        if not self.bare.field.in_time or theta == strength == 1.0:  # it came to rest, or is wanted as it is
             return self.bare.field
         return self.wakes.blended(theta, strength)
 
@@ -83,8 +81,8 @@ ON_EDGE = 1e-6  # of the mesh's extent: how far inside the channel's edges a bod
 
 
 def blended_airflow(
-    spec: FlowSpec, estimate: WakeEstimate, mean: FlowField, steady: CaseAirflow, resolved: CaseAirflow
-) -> CaseAirflow:
+    spec: FlowSpec, estimate: WakeEstimate, mean: FlowField, steady: Airflow, resolved: Airflow
+) -> Airflow:
     """The time-resolved airflow ``resolved`` with the numbers of the estimate, and both ends in it.
 
     ``mean``: the mean field of the estimate, on which the suction zone is measured; ``steady``: the other end. The mean
@@ -98,7 +96,7 @@ def blended_airflow(
         return (1.0 - theta.value) * low + theta.value * high
 
     p_inlet = linear(steady.p_inlet, resolved.p_inlet)
-    ends = WakeEnds(*(WakeEnd(end.cd, known(end.cl_rms), end.cp_base, end.suction) for end in (steady, resolved)))
+    ends = WakeEnds(*(WakeEnd(end.cd, end.cl_rms, end.cp_base, end.suction) for end in (steady, resolved)))
     lift = _between(estimate.lift, Number(0.0, 0.0, 0.0), ends.time_resolved.cl_rms)
     return replace(
         resolved,
@@ -133,7 +131,7 @@ def _ends(number: Number) -> tuple[float, float, float]:
 
 def _suction(spec: FlowSpec, mean: FlowField, p_inlet: float) -> SuctionZone:
     """The suction zone of a mean field; ``p_inlet`` (Pa) is what its pressure coefficients count from."""
-    cp = (known(mean.pressure) - p_inlet) / (0.5 * spec.density * spec.speed**2)
+    cp = (mean.pressure - p_inlet) / (0.5 * spec.density * spec.speed**2)
     return suction_zone(spec, mean.points, mean.triangles, cp, mean.velocity, _at_bodies(mean))
 
 

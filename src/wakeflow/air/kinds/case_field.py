@@ -7,7 +7,7 @@ from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
 
-from ..field import FlowField
+from ..field import EMPTY, FlowField
 from ..field.combined import cross_faded
 from ..foam.case import FlowSpec
 from ..foam.read import CaseFields, late_states
@@ -25,7 +25,7 @@ def case_field(case: Path, time: str, density: float, *, half: bool) -> FlowFiel
     field = FlowField.from_openfoam(case, time="mean" if time == "states" else time, density=density)
     if half:
         field = field.mirrored()
-    return field if field.period is None else field.compressed()
+    return field.compressed() if field.period else field
 
 
 def state_fields(case: Path, density: float, *, half: bool) -> tuple[FlowField, ...]:
@@ -37,7 +37,7 @@ def state_fields(case: Path, density: float, *, half: bool) -> tuple[FlowField, 
     every = FlowField.from_openfoam(case, time="states", density=density)
     if half:
         every = every.mirrored()
-    alone = replace(every, times=None)
+    alone = replace(every, times=EMPTY)
     return tuple(alone.mapped(itemgetter(number)) for number in range(len(every.velocity)))
 
 

@@ -7,15 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.geometry import ForceDensity
 from ...core.record import save
 from ...core.store import content_key, digest_files
 from ...planning.stage_cache import code_of
 from ..mesh.spec import MeshReport
-from .airflow_kinds import CaseAir, FlownAir, airflow_kinds
+from .airflow_kinds import CaseAir, FlownAir, Realisations, airflow_kinds
 from .airflow_table import Airflow
-from .realisations import Realisations
 
 if TYPE_CHECKING:
     from ..field import FlowField
@@ -62,7 +61,7 @@ class AnalyticAir(FlownAir):
     def make_numbers(self) -> Airflow:
         from .analytic import duct_airflow
 
-        return duct_airflow(self.scene, self.plan.airflow.turbulence or "")
+        return duct_airflow(self.scene, self.plan.airflow.turbulence)
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -103,7 +102,7 @@ class GivenAir(CaseAir):
 
     @property
     def case(self) -> Path:
-        return Path(known(self.scene.airstream.case))
+        return Path(self.scene.airstream.case)
 
     @property
     def half(self) -> bool:

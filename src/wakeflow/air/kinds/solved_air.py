@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from ...core.errors import known
 from ...core.files import atomic_write, case_template
 from ...core.geometry import ForceDensity
 from ...core.lazy import cached_property
@@ -143,7 +142,7 @@ class SpanAir(SolvedAir):
 
     @property
     def cells(self) -> int:
-        return super().cells * known(self.plan.airflow.span).layers
+        return super().cells * self.plan.airflow.span.layers
 
     @property
     def model_is_unknown(self) -> bool:

@@ -132,6 +132,13 @@ class MeshReport:
     smallest_edge: Known = column("m", "smallest edge of a cell", default=math.nan)
     boundary: Annotated[dict[str, int], Null({})] = column("1", "edges of each patch", default=dict)
 
+    def __bool__(self) -> bool:
+        """Whether there is a mesh."""
+        return self.cells > 0
+
+
+NO_MESH = MeshReport(0)
+
 
 def read_mesh(path: Path) -> tuple[Array, dict[str, NDArray[np.intp]], dict[str, int]]:
     """The 2D mesh in a one-layer ``.msh``: points (n, 2) m, cells {"triangle": (m, 3), "quad": (m, 4)}, edges per

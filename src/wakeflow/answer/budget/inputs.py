@@ -93,7 +93,7 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
     Without a body the whole floor and top are bins and no end is near; there a term that could matter counts by its
     bound, as for granules spread over one channel width.
     """
-    asked = scene.feed.rate is not None  # without one the question is that of single granules
+    asked = scene.feed.rate > 0.0  # without one the question is that of single granules
     rows = [row for row in plan.left_out if row.fraction == name and (asked or row.name != COLLISIONS)]
     ends = free_ends(scene)
     parts: dict[str, list[BudgetPart]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}

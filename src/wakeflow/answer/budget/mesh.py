@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ...air.kinds.airflow_table import Airflow, GridEstimate, GridStudy
-from ...core.errors import SceneError, known
+from ...core.errors import SceneError
 from ...core.geometry import halved
 from ...flight.stages.landings import Landings, pooled
 from ...flight.stages.pipeline import PerturbedRerun, Pipeline
@@ -56,16 +56,16 @@ def cell_size(area: float, cells: int) -> float:
     return math.sqrt(area / cells)
 
 
-def observed_order(sizes: Sequence[float], values: Sequence[float]) -> float | None:
+def observed_order(sizes: Sequence[float], values: Sequence[float]) -> float:
     """Order p of the error from three grids, finest first: ``sizes`` (m, any unit) and their ``values``.
 
     Solves (f3 - f2)/(f2 - f1) = r21^p (r32^p - 1)/(r21^p - 1), r21 = h2/h1, r32 = h3/h2, for any two ratios: Celik's
-    iteration has the same solution. None where the values oscillate or do not approach each other (p <= 0).
+    iteration has the same solution. Not a number where the values oscillate or do not approach each other (p <= 0).
     """
     (h1, h2, h3), (f1, f2, f3) = _finest_first(sizes, values, 3)
     near, far = f2 - f1, f3 - f2
     if near * far <= 0:
-        return None
+        return math.nan
     a, b, wanted = math.log(h2 / h1), math.log(h3 / h2), far / near
 
     def growth(p: float) -> float:  # rises with p from b/a at p = 0
@@ -73,11 +73,11 @@ def observed_order(sizes: Sequence[float], values: Sequence[float]) -> float | N
 
     low, high = 1e-6, 1.0
     if growth(low) >= wanted:
-        return None
+        return math.nan
     while growth(high) < wanted:
         low, high = high, 2 * high
         if high > 64:
-            return None  # the two finer grids agree to round-off beside the third
+            return math.nan  # the two finer grids agree to round-off beside the third
     low, high = halved(lambda p: growth(p) < wanted, low, high, 100)
     return 0.5 * (low + high)
 
@@ -110,7 +110,7 @@ def estimate(
     scale = max(abs(value) for value in f)
     if max(differences) <= TINY * scale and not any(e):
         kind = "two-grid" if len(f) == 2 else "richardson"
-        return _round(f[0], 0.0, None, kind, "all grids agree", extrapolated=f[0], gci_fine=0.0, gci_coarse=0.0)
+        return _round(f[0], 0.0, math.nan, kind, "all grids agree", extrapolated=f[0], gci_fine=0.0, gci_coarse=0.0)
     if len(f) == 2:
         return _two(h, f, e, formal)
     if max(e) >= NOISE * min(differences) and any(e):
@@ -132,7 +132,7 @@ def _finest_first(sizes: Sequence[float], values: Sequence[float], count: int) -
 def _three(h: list[float], f: list[float], e: list[float], formal: float) -> GridEstimate:
     order = observed_order(h, f)
     near, far = f[1] - f[0], f[2] - f[1]
-    if order is None:
+    if math.isnan(order):
         why = "the values oscillate" if near * far <= 0 else "the differences do not shrink as the grids get finer"
         return _multiple_of_range(f, e, OF_RANGE, why)
     highest = formal + ABOVE_FORMAL
@@ -159,25 +159,25 @@ def _two(h: list[float], f: list[float], e: list[float], formal: float) -> GridE
     why = f"two grids, order {formal:g} assumed, three times the difference to the extrapolated value"
     if noise >= (difference := abs(f[1] - f[0])):  # as likely chance as the mesh: nothing to extrapolate
         why = f"statistical half width {noise:.2g} is not below the grid difference {difference:.2g}: {why}, with it"
-        return _round(f[0], half, None, "two-grid", why, gci_fine=fine, noise=by_chance)
-    return _round(f[0], half, None, "two-grid", why,
+        return _round(f[0], half, math.nan, "two-grid", why, gci_fine=fine, noise=by_chance)
+    return _round(f[0], half, math.nan, "two-grid", why,
                         extrapolated=extrapolate(h, f, formal), gci_fine=fine, noise=by_chance)  # fmt: skip
 
 
 def _multiple_of_range(f: list[float], e: list[float], times: float, why: str) -> GridEstimate:
     half = math.hypot(times * (max(f) - min(f)), e[0])
     why = f"{why}: {times:g} times the range of the grids"
-    return _round(f[0], half, None, "range-oscillating", why, noise=e[0])
+    return _round(f[0], half, math.nan, "range-oscillating", why, noise=e[0])
 
 
 def _range(f: list[float], e: list[float], why: str) -> GridEstimate:
     low = min(value - half for value, half in zip(f, e, strict=True))
     high = max(value + half for value, half in zip(f, e, strict=True))
     why = f"{why}: the range of the grids"
-    return GridEstimate(f[0], low, high, order=None, kind="range-statistics", why=why, noise=max(e))
+    return GridEstimate(f[0], low, high, order=math.nan, kind="range-statistics", why=why, noise=max(e))
 
 
-def _round(value: float, half: float, order: float | None, kind: str, why: str, **more: float) -> GridEstimate:
+def _round(value: float, half: float, order: float, kind: str, why: str, **more: float) -> GridEstimate:
     return GridEstimate(value, value - half, value + half, order=order, kind=kind, why=why, **more)
 
 
@@ -256,7 +256,7 @@ class Mesh(Source[Comparison[Grid]]):
 
 
 def _grid(pipeline: Pipeline) -> Grid:
-    return Grid(pipeline.air.grid, known(pipeline.airflow.cells))
+    return Grid(pipeline.air.grid, pipeline.airflow.cells)
 
 
 def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence[int] = ()) -> Array:
@@ -298,17 +298,17 @@ def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> tuple[Gri
     return found, found.noise * noise[most] / (both[most] or 1.0)
 
 
-def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:
-    """Cd, base pressure and reversal length with their mesh error, and what each grid gave; None with one grid.
+def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...]:
+    """Cd, base pressure and reversal length with their mesh error, and what each grid gave; none with one grid.
 
     Of a best estimate they are those of its time-resolved end: theta's range is no noise of a grid.
     """
     if len(pipeline.plan.airflow.scales) < 2:
-        return None
+        return ()
     found = [_computed(other.airflow) for other in pipeline.grids]
-    cells = tuple(known(row.cells) for row in found)
-    drag, base = [known(row.cd) for row in found], [known(row.cp_base) for row in found]
-    lengths = [known(known(row.suction).reversal_length) for row in found]
+    cells = tuple(row.cells for row in found)
+    drag, base = [row.cd for row in found], [row.cp_base for row in found]
+    lengths = [row.suction.reversal_length for row in found]
     noise = [at * one.half / one.value for at, one in zip(lengths, drag, strict=True)]
     return (
         _study("cd", cells, [one.value for one in drag], [one.half for one in drag]),
@@ -319,7 +319,7 @@ def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...] | None:
 
 def _computed(row: Airflow) -> Airflow:
     """The numbers as they were computed in time, where the airflow is a best estimate."""
-    if row.ends is None:
+    if not row.ends:
         return row
     end = row.ends.time_resolved
     return replace(row, cd=end.cd, cp_base=end.cp_base, suction=end.suction)

@@ -54,7 +54,7 @@ class AirflowModel(Source[Comparison[Wake]]):
         them. Nothing where the computed airflow is the flow itself, or is the steady end.
         """
         wakes = pipeline.plan.airflow.wakes_beside
-        if not wakes or pipeline.field[1].times is None:
+        if not wakes or not pipeline.field[1].in_time:
             return ()
         shares, seconds = {}, 0.0
         for wake, numbers in wakes.items():
@@ -73,7 +73,7 @@ class AirflowModel(Source[Comparison[Wake]]):
     def shares(self, fraction: FractionResults) -> Parts:
         if not fraction.flights.of(self):
             return self.unless_known(fraction)
-        if fraction.pipeline.plan.airflow.wake is not None:
+        if fraction.pipeline.plan.airflow.wake:
             return {}
         (wakes,), found = fraction.flights.of(self), {}
         for number, bin_ in enumerate(fraction.shares):
@@ -167,7 +167,7 @@ def _keeps_or_rocks(scene: Scene) -> bool:
 
 def _known_shares(scene: Scene, plan: Plan) -> dict[str, dict[str, Entry]]:
     """The entries for a machine like the scene's, by fraction and bin."""
-    if plan.airflow.wake is None or scene.airstream.direction != "down" or _keeps_or_rocks(scene):
+    if not plan.airflow.wake or scene.airstream.direction != "down" or _keeps_or_rocks(scene):
         return {}
     body = next(iter(scene.body.values()))
     if abs(scene.feed.position - body.at[0]) > NEAR * scene.width:

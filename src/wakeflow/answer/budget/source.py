@@ -20,9 +20,8 @@ from ...core.registry import Registry
 from ...flight.stages.input_samples import NOT_DRAWN, InputSamples
 from ...flight.stages.landings import Landings
 from ...flight.stages.pipeline import Pipeline, Rerun
-from ...planning.dependence import Dependence, dependence
 from ...planning.stages import StageCost, Workload
-from ...planning.unknowns import SIGMAS
+from ...planning.unknowns import SIGMAS, Dependence, dependence
 from ..draws import ErrorSource as Column
 from ..joint import Bins, JointAnswer
 from ..provenance import RefinedSettings

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import ProgramError
 from ...core.files import atomic_write
-from ...core.number import Number
+from ...core.number import NO_NUMBER, Number
 from ...core.process import capture, run_program, tail, unheard
 from ...scene import Funnel
 
@@ -139,7 +139,7 @@ class Cone:
 def _layers(funnel: Funnel) -> tuple[Array, float]:
     """Bead centres (n, 3) on a cubic lattice in the funnel, and the height (m) of the uppermost."""
     step, reach = SPACING * funnel.high, 0.5 * funnel.high / math.cos(funnel.half_angle)
-    slope, widest = math.tan(funnel.half_angle), math.inf if funnel.width is None else funnel.width / 2
+    slope, widest = math.tan(funnel.half_angle), funnel.width / 2 if funnel.width else math.inf
     layers: list[Array] = []
     layer = count = 0
     while count < funnel.beads:
@@ -157,7 +157,7 @@ def cone_of(funnel: Funnel) -> Cone:
     """The funnel's inner wall, high enough for the loose heap and for the beads that the vibration throws up."""
     _, fill = _layers(funnel)
     slope = math.tan(funnel.half_angle)
-    top = fill + funnel.high if funnel.width is None else (funnel.width - funnel.orifice) / (2 * slope)
+    top = (funnel.width - funnel.orifice) / (2 * slope) if funnel.width else fill + funnel.high
     peak = BRIM_SPEED_RATIO * funnel.amplitude * 2 * math.pi * funnel.shaken_at
     brim = max(top, fill) + 5 * funnel.high + 2 * funnel.amplitude + peak**2 / (2 * funnel.gravity)
     return Cone(funnel.orifice / 2, slope, top, brim)
@@ -245,14 +245,14 @@ def read_curve(path: str, opened: float) -> Curve:
     return Curve(rows[:, 0] - opened, rows[:, 1], rows[:, 2])
 
 
-def time_to_empty(curve: Curve, total: float) -> float | None:
-    """Time (s) at which the share :data:`EMPTY` of the ``total`` mass (kg) was out; None when that never happened."""
+def time_to_empty(curve: Curve, total: float) -> float:
+    """Time (s) at which the share :data:`EMPTY` of the ``total`` mass (kg) was out; no number when it never was."""
     out = curve.mass <= (1 - EMPTY) * total
-    return float(curve.time[np.argmax(out)]) if out.any() else None
+    return float(curve.time[np.argmax(out)]) if out.any() else math.nan
 
 
-def rate_of(curve: Curve, total: float, period: float) -> Number | None:
-    """The rate between :data:`STEADY` shares of the ``total`` mass (kg); None where the flow stopped before.
+def rate_of(curve: Curve, total: float, period: float) -> Number:
+    """The rate between :data:`STEADY` shares of the ``total`` mass (kg); none where the flow stopped before.
 
     The stretch is cut to whole periods (s) of the vibration, 0 at rest, and into up to :data:`BATCHES` parts of whole
     periods; the interval is Student's from the parts' rates, taken as independent. It is the scatter within one
@@ -260,7 +260,7 @@ def rate_of(curve: Curve, total: float, period: float) -> Number | None:
     """
     gone = 1 - curve.mass / total
     if gone.max() < STEADY[1]:
-        return None
+        return NO_NUMBER
     start, end = (float(curve.time[np.argmax(gone >= share)]) for share in STEADY)
     length = end - start
     whole = 1

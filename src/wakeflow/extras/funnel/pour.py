@@ -180,18 +180,16 @@ def _table(
 ) -> FunnelSummary:
     rate = engine.rate_of(curve, total, 1 / funnel.shaken_at if funnel.shaken_at else 0.0)
     filled = packing_fraction(bed, cone)
-    law = (
-        None
-        if math.isnan(filled)
-        else beverloo(funnel.orifice, funnel.diameter, filled * funnel.density, gravity=funnel.gravity)
-    )
+    law = math.nan
+    if not math.isnan(filled):
+        law = beverloo(funnel.orifice, funnel.diameter, filled * funnel.density, gravity=funnel.gravity)
     kept = np.unique(np.linspace(0, len(curve.time) - 1, min(len(curve.time), CURVE_POINTS)).astype(int))
     left = int(curve.beads[-1])
     return FunnelSummary(
         verdict="emptied" if left <= 0.01 * len(bed.diameters) else "stopped", rate=rate,
         time_to_empty=engine.time_to_empty(curve, total), left=left, beads=len(bed.diameters), mass=total,
-        packing=None if math.isnan(filled) else filled, beverloo=law,
-        beverloo_cone=None if law is None else law * cone_factor(funnel.half_angle), frequency=funnel.frequency,
+        packing=filled, beverloo=law,
+        beverloo_cone=law * cone_factor(funnel.half_angle), frequency=funnel.frequency or math.nan,
         gamma=funnel.gamma, time_step=steps.dt, contact_time=steps.contact, youngs_modulus=funnel.youngs_modulus,
         overlap=max((_overlap(rows) for _, rows in shots if len(rows) > 1), default=0.0), engine="LIGGGHTS",
         version=liggghts_version(),

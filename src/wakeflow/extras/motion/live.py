@@ -64,7 +64,7 @@ def live_data(outcome: Outcome) -> dict[str, object]:
     scene, result, channel = outcome.scene, outcome.result, outcome.scene.channel
     window = (-channel.width / 2, channel.width / 2, channel.bottom, channel.top)
     field, colours, shares = outcome.field, fraction_colours(list(scene.fraction)), scene.mass_shares()
-    loop = None if field is None else field.period
+    loop = None if field is None else field.period or None
     frames = [] if field is None else _frames(field, window)
     each = max(1, TRACKS // len(scene.fraction))
     return {
@@ -81,7 +81,7 @@ def live_data(outcome: Outcome) -> dict[str, object]:
             for name in scene.fraction
         ],
         "loop": loop,
-        "start": None if field is None or field.times is None else float(field.times[0]),
+        "start": float(field.times[0]) if field is not None and field.in_time else None,
         "played": PLAYED,
         "frames": frames,
         "wakes": _wakes(result),
@@ -152,7 +152,7 @@ def _frames(field: FlowField, window: tuple[float, float, float, float]) -> list
     vorticity = VorticityShades(
         field, window, tuple(max(16, round(LONGER * length / max(across, up))) for length in (across, up))
     )
-    times = [0.0] if field.times is None else moments_of(field, FRAMES if field.period else 1).tolist()
+    times = moments_of(field, FRAMES if field.period else 1).tolist() if field.in_time else [0.0]
     strongest = vorticity.strongest()
     images = []
     for time in times:
@@ -182,12 +182,11 @@ class VorticityShades:
         self.parts = vorticity(field).reshape(-1, len(field.points))
 
     def _nodal(self, time: float) -> Array:
-        steady = self.field.times is None
-        return self.parts[0] if steady else np.asarray(self.field.weights(time) @ self.parts)
+        return np.asarray(self.field.weights(time) @ self.parts) if self.field.in_time else self.parts[0]
 
     def strongest(self) -> float:
         """What the colour is full at: few nodes at the first moment have more (1/s)."""
-        first = 0.0 if self.field.times is None else float(self.field.times[0])
+        first = float(self.field.times[0]) if self.field.in_time else 0.0
         return float(np.percentile(np.abs(self._nodal(first)), STRONGEST)) or 1.0
 
     def shaded(self, time: float, strongest: float, levels: int = 0) -> NDArray[np.uint8]:

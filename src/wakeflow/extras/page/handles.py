@@ -164,7 +164,7 @@ def _feed(scene: Scene) -> Iterator[Handle]:
                  partial(_coordinate, "feed.position", 0))  # fmt: skip
     yield Handle("feed width", "feed: its width", "feed.width", (feed.position + feed.width / 2, top), "x",
                  partial(_width, "feed.width", feed.position))  # fmt: skip
-    if feed.height is not None and scene.body and scene.plumb.upright:
+    if feed.height and scene.body and scene.plumb.upright:
         yield Handle("feed height", "feed: its height over the body", "feed.height",
                      (feed.position - feed.width / 2, top), "y",
                      lambda _, y: {"feed.height": max(y - level, 0.0)})  # fmt: skip

@@ -70,7 +70,7 @@ def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iter
             origin = path.position[first]
             met = float(motion.at(path.time[first], origin)[1][1])
         start, end = path.time[first], path.time[-1]
-        if picture.drop is not None and (down := path.falls_to(origin[1] - picture.drop, first)) < math.inf:
+        if picture.drop and (down := path.falls_to(origin[1] - picture.drop, first)) < math.inf:
             end = down
             position, velocity = path.at(np.array([end]))
             ended = (float(end - start), float(position[0, 0] - origin[0]), float(velocity[0, 0]))
@@ -103,7 +103,7 @@ def _plot(axes: Axes, picture: Curves, curves: list[_Curve], colours: dict[str, 
     axes.legend(frameon=False, fontsize=8)
     axes.tick_params(labelsize=8)
     where = "after the separation point" if picture.origin == "separation" else ""
-    if picture.drop is not None:
+    if picture.drop:
         where += f", down to {MM * picture.drop:g} mm below it"
     axes.set_title(f"Granules {where}".strip(), fontsize=9, loc="left")
 
@@ -118,7 +118,7 @@ def _rows(curves: list[_Curve]) -> Iterator[tuple[object, ...]]:
 
 def _numbers(picture: Curves, curves: list[_Curve]) -> dict[str, object]:
     """At the drop: time, x and vx of each fraction's chosen granule, and the range of x over all; the ratio of x."""
-    if picture.drop is None:
+    if not picture.drop:
         return {}
     table: JsonTable = {"drop": picture.drop, "fractions": {}}
     for name in dict.fromkeys(curve.fraction for curve in curves):

@@ -32,7 +32,7 @@ GRID = 120  # points along the longer side of the airflow's data
 def draw_streamlines(view: View) -> PictureFiles:
     """Pressure coefficient and streamlines, zones numbered as in the paper's Fig. 7; data on a regular grid."""
     outcome, scene = view.outcome, view.scene
-    if outcome.field is None or outcome.field.pressure is None or outcome.airflow is None:
+    if outcome.field is None or not outcome.field.has("pressure") or outcome.airflow is None:
         raise SceneError(f"picture.{view.name}: streamlines need an airflow with pressure")
     draw_pressure(view.file(".png"), outcome.field, scene, outcome.airflow, numbered=True)
     mean = as_flown(outcome.field.mean(), scene)

@@ -50,7 +50,7 @@ def operating_map(
     from ...show.many_figures import draw_map, main_quantities
 
     machine = Scene.of(scene)
-    if machine.air is None or machine.air.still or machine.feed.rate is None:
+    if machine.air is None or machine.air.still or not machine.feed.rate:
         raise SceneError("a map needs an air.speed above 0 and a feed.rate in the scene")
     fan = machine.air.fan
     key, now = (SPEED, machine.air.speed) if fan is None else (TURNS, fan.speed_ratio)
@@ -75,7 +75,7 @@ def capacity(
     from ...show.many_figures import draw_lines
 
     machine = Scene.of(scene)
-    if machine.feed.rate is None:
+    if not machine.feed.rate:
         raise SceneError("a capacity curve needs a feed.rate in the scene")
     rates = list(feed) if feed else [part * machine.feed.rate for part in RATES]
     if len(rates) < 2:

@@ -35,10 +35,9 @@ from ...runs.one_run import OneRun, folder_of, running
 from ...runs.planned import make_plan
 from ...runs.progress import as_listener
 from ...scene import Fraction, Scene
-from ...scene.fraction import MAX_COEFFICIENT
+from ...scene.fraction import MAX_COEFFICIENT, Coefficient
 from ...scene.measured import Measured, Tray, read_trays, trays_of_columns
 from ...scene.overrides import share_in
-from ...scene.rebound import Coefficient
 from ...scene.whole import States
 from .calibration_update import DISCREPANCY, Matched, Updated, half_of, left_by, matched
 

@@ -3,7 +3,7 @@
 Injected (the paper's model): a granule falls straight down onto the slope under it, arrives with its own speed (drag
 included), meets the body at the phase of the vibration that a uniform stream meets, and leaves by eq. (1)-(2) with the
 velocity in the lab frame. Its first contact lies on the outline offset by its radius: a slope or a corner. Those that
-the air would carry round the body (``planning.carried_round``) are released above it and tracked from there.
+the air would carry round the body (``planning.uniform_fall``) are released above it and tracked from there.
 
 Resolved: all are released above the body and the tracker does the impact; for fractions that the air turns aside.
 
@@ -30,10 +30,10 @@ from ...laws.forces import forces
 from ...laws.gas import MEAN_FREE_PATH
 from ...laws.restitution import Restitution, restitution_at
 from ...laws.size import normal_quantile
-from ...planning.carried_round import axis
 from ...planning.plan import REPLICATES, FractionPlan, Plan, replicate_size
+from ...planning.uniform_fall import axis
 from ...scene import Scene, Speeds, Vibration
-from ...scene.variation import GranuleVariation
+from ...scene.changes import GranuleVariation
 from .. import Granules
 from ..granules import toss_of
 from .first_contact import first_contact, motion_by, motion_of
@@ -212,14 +212,14 @@ def fall_start(scene: Scene, radius: Array) -> tuple[Array, Array]:
     )
 
 
-def _times(scene: Scene, points: Array, field_period: float | None) -> Array:
+def _times(scene: Scene, points: Array, field_period: float) -> Array:
     """Times (s) of a stream that is uniform over the vibration's and the shedding's periods, from points (n, 2); 0 in a
     channel without a body.
     """
     if not scene.body:
         return np.zeros(len(points))
     if scene.vibration is None:
-        return points[:, 0] * (field_period or 0.0)
+        return points[:, 0] * field_period
     period = scene.vibration.period
     if scene.feed.start == "resting":
         points = np.stack([np.full(len(points), _dead_point(scene.vibration) / period), points[:, 1]], axis=1)
@@ -306,12 +306,12 @@ def feedstock(
     scene: Scene,
     plan: Plan,
     name: str,
-    field_period: float | None,
+    field_period: float,
     replicates: Sequence[int] = range(REPLICATES),
     variation: GranuleVariation = AS_GIVEN,
     part: slice = EVERY,
 ) -> Feedstock:
-    """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow.
+    """The granules of one fraction as they enter the field; ``field_period`` (s) of a time-resolved airflow, or 0.
 
     ``replicates``: only those, and of each a ``part``, the same granules as among all, but for what a ``variation``
     changes of each.

@@ -2,7 +2,7 @@
 
 Computed from the scene and the plan by the laws that injection uses, at points spread evenly over the curtain, the
 sizes and the vibration's period; no granule is tracked. Granules that the air carries round the body
-(``planning.carried_round``) are left out. Later bounces on the same body are not counted, nor how the air bends the way
+(``planning.uniform_fall``) are left out. Later bounces on the same body are not counted, nor how the air bends the way
 of those that do meet it.
 """
 
@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from ...core.geometry import edges, normals
 from ...core.record import JsonTable, column
 from ...laws.streams import Load, load_on_wall
-from ...planning.carried_round import axis
 from ...planning.plan import FractionPlan, Plan
-from ...planning.uniform_fall import fall_speeds
+from ...planning.uniform_fall import axis, fall_speeds
 from ...scene import Scene
 from .feedstock import contact_points, granules_of
 from .first_contact import first_contact, motion_of

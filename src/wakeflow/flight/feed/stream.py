@@ -25,7 +25,7 @@ from ...laws.restitution import Restitution, restitution_at
 from ...planning.collisions import MASS_LEVELS, CollisionPlan, number_rates
 from ...planning.plan import FractionPlan, Plan
 from ...scene import Scene
-from ...scene.variation import AS_GIVEN, GranuleVariation, Variation
+from ...scene.changes import AS_GIVEN, GranuleVariation, Variation
 from .. import Granules
 from .feedstock import entering, fall_start, granules_of, highest, hung, released, varied_granules
 
@@ -164,7 +164,7 @@ class _Source:
         position, velocity = released(scene, how, grains, x, level, speed)
         low = float(start.min())
         line = plumb.placed(np.array([(-scene.channel.width, low), (scene.channel.width, low)]))
-        whole = np.linspace(0.0, field.period or 0.0, len(x), endpoint=False)
+        whole = np.linspace(0.0, field.period, len(x), endpoint=False)
         fall = tracking.track(
             field, hung(scene, grains.replace(position=position, velocity=velocity, time=whole)), until=LONGEST,
             tolerance=TOLERANCE, length=scene.width, drag=how.drag, forces=how.forces, lines=(line,), seed=seed,

@@ -45,9 +45,9 @@ class Airs:
     def answers(self) -> tuple[FlownAir, ...]:
         """Those that the plan wants, a grid each, the answer's first."""
         how, loading = self.plan.airflow, self.loading
-        if how.stepping is None:
+        if not how.stepping:
             return (self._bare if loading is None else JetAir(self._bare, lambda: loading.force),)
-        if how.span is not None:
+        if how.span:
             return (self._felt(SpanAir(self.scene, self.plan, self.cache, start=self.steady[0])),)
         if not self.in_time:
             return self.steady
@@ -77,7 +77,7 @@ class Airs:
     @cached_property
     def bare_steady(self) -> tuple[SteadyAir, ...]:
         """The steady airflow that feels no granules, for each grid of the plan; none for air that nobody solves."""
-        if self.plan.airflow.stepping is None:
+        if not self.plan.airflow.stepping:
             return ()
         plan, near = self.steady_plan, () if self.near is None else self.near.bare_steady
         coarsest = len(plan.airflow.scales) - 1
@@ -99,7 +99,7 @@ class Airs:
         """The granules' force on the air, gathered on the answer's grid; None where the plan leaves it out."""
         if not self.plan.airflow.loaded:
             return None
-        if self.plan.airflow.stepping is None:
+        if not self.plan.airflow.stepping:
             return JetLoading(self._bare, self.compilation, self.workers)
         return CaseLoading(self.bare_steady[0], self.compilation, self.workers)
 
@@ -110,7 +110,7 @@ class Airs:
         """The airflow in time on each grid, in the plane: it starts from that on the next coarser grid, or where it
         feels granules from the early one.
         """
-        if not self.in_time or self.plan.airflow.span is not None:
+        if not self.in_time or self.plan.airflow.span:
             return ()
         near, made = () if self.near is None else self.near.resolved, list[CaseAir]()
         for grid, cache in reversed([*enumerate(self._caches())]):

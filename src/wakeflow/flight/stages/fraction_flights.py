@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import flight as tracking
-from ...air.kinds.realisations import Realisations
+from ...air.kinds.airflow_kinds import Realisations
 from ...core.errors import SceneError
 from ...core.geometry import wall_edge
 from ...core.process import cores
 from ...core.tables import Columns
 from ...planning.plan import AT_ONCE, REPLICATES, Plan, replicate_size
 from ...scene import Scene
+from ...scene.changes import GranuleVariation
 from ...scene.pictures import TRACKS_RECORDED
-from ...scene.variation import GranuleVariation
 from .. import Body, Granules, Tracks
 from ..feed.feedstock import Feedstock, feedstock
 from ..feed.first_contact import motion_of
@@ -100,7 +100,7 @@ class Flight:
 
     def landings(self, name: str) -> Landings:
         """Where all granules of a fraction land, in air that does not vary."""
-        feed = feedstock(self.scene, self.plan, name, None)
+        feed = feedstock(self.scene, self.plan, name, 0.0)
         cycle = self.airs.cycle_of(feed.granules.time)
         parts = landing_columns(feed, self.fly(name, feed.granules), len(self.scene.bin), 0, cycle)
         parts.pop("injected")

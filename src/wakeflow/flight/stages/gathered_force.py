@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...air.field import FlowField
-from ...air.kinds.realisations import Realisations
+from ...air.kinds.airflow_kinds import Realisations
 from ...core.errors import SceneError
 from ...core.files import write_json
 from ...core.geometry import Boxes, ForceDensity
@@ -35,7 +35,7 @@ from ...laws.constants import GRAVITY
 from ...planning.collisions import CollisionPlan
 from ...planning.plan import COMPARED, REPLICATES, Plan, gathered
 from ...scene import Scene
-from ...scene.plumb import Plumb
+from ...scene.machine import Plumb
 from .. import Granules, Tracks
 from ..feed.feedstock import feedstock
 from ..feed.stream import SlabFeed, slab_top
@@ -139,7 +139,7 @@ class Gatherer:
         before = density.copy()
         for name in self.scene.fraction:
             self.tell(f"{name}: {count} granules, for their force on the air")
-            feed = feedstock(few, flight.plan, name, None, range(COMPARED))
+            feed = feedstock(few, flight.plan, name, 0.0, range(COMPARED))
             tracks = flight.fly(name, feed.granules, record=POINTS, stream=STREAM)
             flow, how = self._flow(name), self._how(self.plan.fractions[name].forces)
             density += force_on_the_air(tracks, feed.granules, flow, self.boxes, **how).density

@@ -21,14 +21,13 @@ from ...core.lazy import cached_property
 from ...core.tables import AnyArray, Columns, save_arrays
 from ...laws.size import normal_points
 from ...laws.turbulence import entering_energy
-from ...planning.dependence import Dependence, correlated, dependence
 from ...planning.plan import INPUT_SAMPLES, REPLICATES, SAME_AIR, replicate_size
-from ...planning.unknowns import FARTHEST, Unknown, unknowns, variation_at
-from ...scene.variation import AirVariation, Variation
+from ...planning.unknowns import FARTHEST, Dependence, Unknown, correlated, dependence, unknowns, variation_at
+from ...scene.changes import AirVariation, Variation
 from .landings import BLOCKS, block_of
 
 if TYPE_CHECKING:
-    from ...air.kinds.realisations import Realisations
+    from ...air.kinds.airflow_kinds import Realisations
     from ...planning.plan import Plan
     from ...scene import Scene
     from .fraction_flights import Flight
@@ -204,7 +203,7 @@ class DrawStage:
 
         airs = self.in_wake(())
         wake = self.plan.airflow.wake
-        if wake is not None and (air.theta is not None or air.strength is not None):
+        if wake and (air.theta is not None or air.strength is not None):
             theta = wake.theta.value if air.theta is None else air.theta
             strength = wake.strength.value if air.strength is None else air.strength
             airs = self.in_wake((theta, strength))
@@ -215,7 +214,7 @@ class DrawStage:
 def _entering(scene: Scene) -> float:
     """Energy (m2/s2) of the turbulence that the stream brings; infinite where a case of the user's does."""
     air = scene.air
-    return math.inf if air is None or air.case is not None else entering_energy(air.turbulence, air.speed)
+    return math.inf if air is None or air.case else entering_energy(air.turbulence, air.speed)
 
 
 def _part(count: int, number: int) -> range:

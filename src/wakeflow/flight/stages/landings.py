@@ -103,7 +103,7 @@ class Landings:
         """Granules (n,) that left the box of the airflow."""
         return np.asarray(self.fate == Fate.ESCAPED)
 
-    def counts(self, bins: int, images: Sequence[int] | None = None) -> Array:
+    def counts(self, bins: int, images: Sequence[int] = ()) -> Array:
         """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere. Where bins have
         ``images`` (bins + 1) in a mirrored machine the mean of both.
         """
@@ -122,11 +122,11 @@ class Landings:
         return np.bincount(place, self.weight, minlength=int(np.prod(shape))).reshape(shape)
 
 
-def pooled(values: Array, images: Sequence[int] | None) -> Array:
+def pooled(values: Array, images: Sequence[int]) -> Array:
     """Values (..., bins + 1) that are those of each bin and of its image, if it has one: what is as likely on either
     side is one number.
     """
-    return values if images is None else 0.5 * (values + values[..., list(images)])
+    return 0.5 * (values + values[..., list(images)]) if images else values
 
 
 FATES = tuple(fate.name.lower() for fate in Fate)  # names, in the order of their numbers

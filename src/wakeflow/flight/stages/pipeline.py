@@ -25,12 +25,11 @@ from ...core.store import Store, cache_root, content_key
 from ...core.tables import Columns
 from ...planning.collisions import CollisionPlan
 from ...planning.cost import flown_again
-from ...planning.dependence import Dependence
 from ...planning.feed_funnel import ENGINE, FunnelSummary, bead_engines
 from ...planning.plan import COMPARED, INPUT_SAMPLES, REPLICATES, Plan
 from ...planning.stage_cache import Listener, StageCache, StageTimes, code_of, null_listener, version_of
 from ...planning.stages import OWN, AirLabel, StageCost, StageKey, Workload
-from ...planning.unknowns import half_of
+from ...planning.unknowns import Dependence, half_of
 from ...scene import Scene
 from . import input_samples, slab_stage
 from .air_loading import AirLoading
@@ -43,7 +42,7 @@ from .slab_stage import SlabFlight, SlabFound, late_in, steady_after
 
 if TYPE_CHECKING:
     from ...air.field import FlowField
-    from ...air.kinds.realisations import Realisations
+    from ...air.kinds.airflow_kinds import Realisations
     from ...scene import Picture
 
 CODE = "flight.stages.fraction_flights", "flight.stages.landings"  # what computes the tracks

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ... import flight as tracking
 from ...air.field import FlowField
-from ...air.kinds.realisations import Realisations
+from ...air.kinds.airflow_kinds import Realisations
 from ...core.errors import SceneError
 from ...core.process import cores
 from ...core.tables import save_arrays
@@ -22,7 +22,7 @@ from ...laws.forces import forces
 from ...planning.collisions import CollisionPlan
 from ...planning.plan import Plan
 from ...scene import Scene
-from ...scene.variation import AS_GIVEN, Variation
+from ...scene.changes import AS_GIVEN, Variation
 from ..feed.feedstock import Feedstock
 from ..feed.stream import SlabFeed, slab_stream
 from .fraction_flights import PATIENCE, landing_columns, passage, track_in
@@ -127,7 +127,7 @@ class SlabFlight:
         if image and field is not None:
             field = field.image
         period = self.airs.period
-        operation = self.operation if period is None else period * math.ceil(self.operation / period)
+        operation = period * math.ceil(self.operation / period) if period else self.operation
         stream = self._stream(field, number, operation)
         tracks = self._track(field, stream, number, self.recorded)
         self.also(number, stream, tracks)

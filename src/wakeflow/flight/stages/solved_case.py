@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...air.foam.force_history import CD, CL, read_table
 from ...air.foam.polymesh import read_polymesh
 from ...air.foam.read import loop_of
+from ...air.foam.statistics import CD, CL, read_table
 from ...air.kinds.airflow_kinds import CaseAir
 from ...air.kinds.airflow_table import Airflow
 from .pipeline import Pipeline
@@ -47,7 +47,7 @@ class ForceHistory:
 def cells_of(pipeline: Pipeline) -> PlaneCells | None:
     """The cells that the airflow was solved in; None where it is known without, or solved in three dimensions."""
     case = _case(pipeline)
-    if case is None or pipeline.plan.airflow.span is not None:
+    if case is None or pipeline.plan.airflow.span:
         return None
     plane = read_polymesh(case).plane
     return PlaneCells(plane.points, plane.cells)
@@ -61,7 +61,7 @@ def forces_of(pipeline: Pipeline, airflow: Airflow) -> ForceHistory | None:
         return None
     kept, statistics = loop_of(case), airflow.statistics
     loop = (first := float(kept["times"][0]), first + float(kept["period"])) if kept else None
-    in_time, start_up = airflow.stepping == "time-resolved", None if statistics is None else statistics.start_up
+    in_time, start_up = airflow.stepping == "time-resolved", statistics.start_up if statistics else None
     half = isinstance(pipeline.air, CaseAir) and pipeline.air.half
     lift = np.zeros(len(rows)) if half else rows[:, 2]  # that of the other half takes it away
     return ForceHistory(rows[:, 0], rows[:, 1], lift, in_time, start_up, loop)

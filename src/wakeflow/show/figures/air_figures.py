@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...air.field.flow import vorticity
+from ...air.field.flow import still, vorticity
 from ...air.kinds.airflow_table import momentum_of
-from ...core.errors import known
 from ...core.geometry import along
 from .. import air_pictures, canvas
-from ..air_pictures import SUCTION_LEVEL, TOUCHING, as_flown, frozen, pressure_coefficient, trace_streamlines
+from ..air_pictures import SUCTION_LEVEL, TOUCHING, as_flown, pressure_coefficient, trace_streamlines
 from ..canvas import COLOURS, INK, MM, TALLEST, PlotGrid, Window, save
 from ..outcome import add_figure
 
@@ -43,7 +42,7 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
     Cp = -0.5 bounds the suction zone; ``numbered`` puts the numbers of the paper's Fig. 7 before the zones' names.
     Raises ValueError without pressure or air.
     """
-    if field.pressure is None or scene.air is None:
+    if not field.has("pressure") or scene.air is None:
         raise ValueError("the pressure picture needs a field with pressure and a scene with air")
     mean = as_flown(field.mean(), scene)
     cp = pressure_coefficient(mean, scene, airflow)
@@ -74,7 +73,7 @@ def draw_pressure(paper: Paper, field: FlowField, scene: Scene, airflow: Airflow
 
 
 def _airflow_title(airflow: Airflow, *, in_time: bool) -> str:
-    cd, reynolds = known(airflow.cd), known(airflow.reynolds)
+    cd, reynolds = airflow.cd, airflow.reynolds
     number = f"{reynolds:.0f}" if reynolds >= 100 else f"{reynolds:.3g}"
     interval = f" ({cd.low:.3f} to {cd.high:.3f})" if cd.known else ""  # none of a given case
     what = "Mean pressure and streamlines" if in_time else "Pressure and streamlines"
@@ -179,8 +178,8 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     from matplotlib.ticker import MaxNLocator
 
     window = air_pictures.window_round_body(scene, airflow)
-    first = [] if field.times is None else [float(field.times[0])]
-    shown = {f"at {1e3 * time:.3g} ms of the loop": frozen(field, time) for time in first}
+    first = field.times[:1].tolist()  # none of a steady one
+    shown = {f"at {1e3 * time:.3g} ms of the loop": still(field, field.weights(time)) for time in first}
     shown["mean"] = as_flown(field.mean(), scene)
     scaled = {name: vorticity(one) * scene.width / scene.airstream.speed for name, one in shown.items()}
     here = canvas.inside_window(field.points, window)
@@ -214,7 +213,7 @@ def _strong(size: Array, area: Array) -> float:
 def air_of(outcome: AirAndTracks) -> Air:
     """The air round the bodies; empty of a run without one that sees them."""
     field, airflow = outcome.field, outcome.airflow
-    if field is None or airflow is None or airflow.cd is None or not outcome.scene.body:
+    if field is None or airflow is None or not airflow.cd or not outcome.scene.body:
         return ()
     return field, outcome.scene, airflow
 
@@ -222,7 +221,7 @@ def air_of(outcome: AirAndTracks) -> Air:
 def air_with_pressure(outcome: AirAndTracks) -> Air:
     """As :func:`air_of`; empty without pressure too."""
     air = air_of(outcome)
-    return air if air and air[0].pressure is not None else ()
+    return air if air and air[0].has("pressure") else ()
 
 
 def _air_at_the_surface(outcome: AirAndTracks) -> Air:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -203,14 +204,14 @@ def draw_discharge(paper: Paper, poured: FunnelSummary) -> Axes:
     time, mass = (np.asarray(column) for column in (poured.curve.time, poured.curve.mass))
     axes = canvas.new_axes(6.4, 4.0, paper)
     axes.plot(time, 1e3 * mass, color=COLOURS[0], linewidth=1.8, label="computed bead by bead")
-    end = poured.time_to_empty or float(time[-1])
+    end = float(time[-1]) if math.isnan(poured.time_to_empty) else poured.time_to_empty
     half = float(np.interp(-MIDDLE * poured.mass, -mass, time))
     for value, style, name in (
-        (poured.rate and poured.rate.value, "-", "its rate"),
+        (poured.rate.value, "-", "its rate"),
         (poured.beverloo, "--", "Beverloo, at rest"),
         (poured.beverloo_cone, ":", "Beverloo with cone factor, at rest"),
     ):
-        if value:
+        if value > 0.0:
             line = 1e3 * (MIDDLE * poured.mass - value * (np.array([0.0, 1.2 * end]) - half))
             label = f"{name}: {1e3 * value:.3g} g/s"
             axes.plot([0.0, 1.2 * end], line, style, color=INK, linewidth=0.9, label=label)

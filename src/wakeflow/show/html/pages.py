@@ -128,7 +128,7 @@ def _origin(result: Result) -> list[tuple[str, str]]:
 def _logo(scene: Scene) -> str:
     """The scene's logo as a data URL; empty without one, and where its file is gone since."""
     given = scene.report.logo
-    if given is None or not (path := Path(given)).is_file():
+    if not given or not (path := Path(given)).is_file():
         return ""
     return f"data:{LOGOS[path.suffix.lower()]};base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
 

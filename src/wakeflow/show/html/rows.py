@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ...answer.result import Request
 from ...core.number import Number
 from ...core.quantities import say, speaking
-from ...core.record import columns, to_json
+from ...core.record import columns, to_json, without_none
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
@@ -126,7 +126,7 @@ def scene_in_full(scene: Scene, request: Request | None = None) -> str:
     """
     import tomlkit
 
-    tables = json.loads(scene.model_dump_json(exclude_none=True, by_alias=True))
+    tables = without_none(json.loads(scene.model_dump_json(exclude_none=True, by_alias=True)))
     if request is not None:
         beside = {"rung": request.rung, "target_error": request.target_error}
         tables["numerics"].update({key: value for key, value in beside.items() if value is not None})
@@ -192,7 +192,7 @@ def airflow_rows(result: Result) -> list[tuple[str, ...]]:
 def end_rows(result: Result) -> list[tuple[str, ...]]:
     """(name, steady, best estimate, time-resolved, unit) of what a best estimate lies between; nothing without one."""
     airflow = result.airflow
-    if airflow is None or airflow.ends is None:
+    if airflow is None or not airflow.ends:
         return []
     beside = (airflow.ends.steady, airflow, airflow.ends.time_resolved)
     return [*_cells("", ENDS, *beside), *_cells("suction zone, ", SUCTION, *(record.suction for record in beside))]

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....core.errors import FoamError
-from ..airflow_result import AxisProfiles, SpanResult, SpanwiseMotion
+from ..airflow_result import AirflowResult, AxisProfiles, SpanwiseMotion
 from ..case import SpanSpec, axis_points
-from ..force_history import Tail
-from ..measure import Edges, in_time, plane_numbers
+from ..measure import AxisCrossings, Edges, in_time, plane_numbers
 from ..read import mean_of, nodes_of, time_folders
 from ..reconstruction import Reconstruction, triangulate
-from ..suction import AxisCrossings
+from ..statistics import Tail
 from .span_record import K_AT, OMEGA_AT, SpanRecord, apart, des_dissipation, lead_of
 
 Array = NDArray[np.float64]
@@ -145,7 +144,9 @@ QUARTERS = 4
 FADING = 0.5  # of the first quarter's: three-dimensional motion that falls so far is dying
 
 
-def measure_span(spec: SpanSpec, record: SpanRecord, deep: Path, begin: float, *, seconds: float = 0.0) -> SpanResult:
+def measure_span(
+    spec: SpanSpec, record: SpanRecord, deep: Path, begin: float, *, seconds: float = 0.0
+) -> AirflowResult:
     """The airflow of the run in ``deep`` whose snapshots are ``record``, from ``begin`` (s) on. ``seconds`` of wall
     time are passed on.
 
@@ -160,7 +161,7 @@ def measure_span(spec: SpanSpec, record: SpanRecord, deep: Path, begin: float, *
     flow_rate, lost = _balance(record, deep)
     history = in_time(spec, late, begin)
     step, lead = float(np.diff(means.times).mean()), lead_of(spec, means.times)
-    return SpanResult(
+    return AirflowResult(
         stepping="time-resolved",
         verdict="broadband",
         turbulence=spec.turbulence,

@@ -30,7 +30,7 @@ from ....core.process import tail
 from ....core.record import save
 from ....core.tables import save_arrays
 from ....laws.span import CADENCE, Span
-from ..airflow_result import SpanResult
+from ..airflow_result import AirflowResult
 from ..case import FlowSpec, SpanSpec, axis_points, write_case, write_parameters
 from ..momentum_source import write_source
 from ..programs import AirflowFailure, call, disk_trouble_named
@@ -260,7 +260,7 @@ def solve_span(
     start: Path | None = None,
     force: ForceDensity | None = None,
     listener: ProgressListener = lambda _: None,
-) -> SpanResult:
+) -> AirflowResult:
     """Solve the airflow of ``spec``, which has a span, in the case ``folder`` on the plane mesh ``msh``.
 
     ``airflow.json`` there holds the result, ``packed`` the snapshots. Arguments and failures as of
