@@ -211,7 +211,7 @@ def flown_again(
     of anything else.
     """
     key = StageKey(label, name)
-    if key.stage.work == FLIGHTS:
+    if key.stage.work != "slab":
         ahead = label != OWN and work.airflow.stepping
         compared = _flown(work, _fed(work.scene) * COMPARED // REPLICATES) - EACH_STAGE
         yield StageCost(key, EACH_STAGE + more + compared * times, "beside" if ahead else "after")
