@@ -238,7 +238,7 @@ def _agreed() -> bool:
 
 def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
     """Say in one line what was or would be removed from the cache, and what making it again would take."""
-    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds for one in stages)
+    size, spent = sum(one.size for one in stages) / 1e6, sum(one.seconds or 0.0 for one in stages)
     verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
     print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
 
@@ -247,13 +247,13 @@ def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> Non
     """Print stages of the cache, the one that was used longest ago first: size, time to make it again."""
 
     def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
-        size, spent = sum(one.size for one in part), sum(one.seconds for one in part)
+        size, spent = sum(one.size for one in part), sum(one.seconds or 0.0 for one in part)
         return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
 
     rows: list[list[str]] = []
     for one in stages[:MAX_ROWS]:
         used = datetime.fromtimestamp(one.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
-        again = duration(one.seconds) if one.seconds else NONE
+        again = NONE if one.seconds is None else duration(one.seconds)
         key = one.folder.name[:12] + ("" if one.finished else " unfinished")
         rows.append([used, one.stage, key, f"{one.size / 1e6:.1f}", again])
     if len(stages) > MAX_ROWS:

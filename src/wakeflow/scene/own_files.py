@@ -95,8 +95,8 @@ def _spread(material: Material, key: str) -> object:
 
 def _known(material: Material, key: str, value: object) -> object:
     """A value with how well the material says that its own number is known, where it does."""
-    half = material.half_of(key)
-    if half is None:
+    half = material.half_of(key, -1.0)
+    if half < 0.0:
         return value
     return {**(value if isinstance(value, dict) else {"value": value}), "uncertainty": half}
 
