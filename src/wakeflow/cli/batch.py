@@ -170,7 +170,7 @@ def _agreed() -> bool:
 
 def show_removed(stages: Sequence[KeptStage], *, done: bool) -> None:
     """Say in one line what was or would be removed from the cache, and what making it again would take."""
-    size, spent = sum(stage.size for stage in stages) / 1e6, sum(stage.seconds for stage in stages)
+    size, spent = sum(stage.size for stage in stages) / 1e6, sum(stage.seconds or 0.0 for stage in stages)
     verb, frees = ("removed", "freed") if done else ("would be removed", "would be freed")
     print(f"{len(stages)} stages {verb}, {size:.1f} MB {frees}, {duration(spent)} to make again")
 
@@ -179,13 +179,13 @@ def show_stages(stages: Sequence[KeptStage], title: str = "in the cache") -> Non
     """Print stages of the cache, the one that was used longest ago first: size, time to make it again."""
 
     def sums(used: str, what: str, part: Sequence[KeptStage]) -> list[str]:
-        size, spent = sum(stage.size for stage in part), sum(stage.seconds for stage in part)
+        size, spent = sum(stage.size for stage in part), sum(stage.seconds or 0.0 for stage in part)
         return [used, f"{len(part)} {what}", "", f"{size / 1e6:.1f}", duration(spent)]
 
     rows: list[list[str]] = []
     for stage in stages[:MAX_ROWS]:
         used = datetime.fromtimestamp(stage.used, UTC).astimezone().strftime("%Y-%m-%d %H:%M")
-        again = duration(stage.seconds) if stage.seconds else NONE
+        again = NONE if stage.seconds is None else duration(stage.seconds)
         key = stage.folder.name[:12] + ("" if stage.finished else " unfinished")
         rows.append([used, stage.stage, key, f"{stage.size / 1e6:.1f}", again])
     if len(stages) > MAX_ROWS:

@@ -301,14 +301,14 @@ PREFIX = {"": 1.0, "b": 1.0, "k": 1e3, "m": 1e6, "g": 1e9, "t": 1e12}
 
 @dataclass(frozen=True)
 class KeptStage:
-    """A stage in the cache: what it is, where, ``size`` (bytes) that removing it frees, the ``seconds`` it took, 0
+    """A stage in the cache: what it is, where, ``size`` (bytes) that removing it frees, the ``seconds`` it took, None
     where nobody noted them, and when it was last ``used`` (s since 1970); ``finished``, or left by an interrupted run.
     """
 
     stage: str
     folder: Path
     size: int
-    seconds: float
+    seconds: float | None
     used: float
     finished: bool = True
 
@@ -332,7 +332,7 @@ def _kept(folder: Path) -> KeptStage:
     try:
         seconds = float(read_json(folder / "seconds.json"))
     except (OSError, ValueError, TypeError):  # nobody noted them, or a damaged disk did
-        seconds = 0.0
+        seconds = None
     size = sum(file.st_size for file in files if file.st_nlink == 1)
     used = (folder / MANIFEST if finished else folder).stat().st_mtime
     return KeptStage(folder.parent.name, folder, size, seconds, used, finished)

@@ -50,6 +50,10 @@ AGAIN = 1.05  # of the period of what may shake a granule off: held for so long 
 IN_VACUUM = 10.0  # lengths: extent of a flight without a mesh
 
 
+def unheard(_done: int, _count: int) -> None:
+    """What hears of the progress of a flight that nobody follows."""
+
+
 def track(
     field: FlowField | None,
     grains: Granules,
@@ -107,10 +111,9 @@ def track(
     tracks = Tracks.empty(len(grains), recorded=bool(record))
     if not len(grains):
         pack_granules(grains, field, forces, gravity)  # for what it raises
-    tell = progress or (lambda *_: None)
     if collisions is not None:
-        return _fly_colliding(flight, tracks, collisions, seed, tell)
-    return _fly_all(flight, tracks, workers or cores(), tell)
+        return _fly_colliding(flight, tracks, collisions, seed, progress or unheard)
+    return _fly_all(flight, tracks, workers or cores(), progress or unheard)
 
 
 def _check(
@@ -183,7 +186,7 @@ def _fly_colliding(
             rules=flight.rules._replace(**finer),
         )  # fmt: skip
         sample = Tracks.empty(len(rows))
-        _fly_all(some, sample, cores(), lambda *_: None)
+        _fly_all(some, sample, cores(), unheard)
         return sample
 
     walls = pack_walls(flight.solids, (flight.walls.lines, flight.walls.line_ids), AT_REST, flight.grains.restitution)

@@ -58,12 +58,17 @@ def check_forces(forces: Sequence[str], field: FlowField) -> None:
         if not force.computed:
             computed = ", ".join(known for known in all_forces if all_forces[known].computed)
             raise SceneError(f"force {name!r} is only bounded, not computed (computed: {computed})")
-        if field is VACUUM:
-            continue
-        if force.needs == "pressure" and not (field.has("pressure") or field.has("given_gradient")):
-            raise SceneError(f"forces: {name} needs a field with pressure")
-        if force.needs == "turbulence" and not (field.has("k") and field.has("dissipation")):
-            raise SceneError(f"forces: {name} needs a field with k and dissipation; a laminar airflow has none")
+        if field is not VACUUM and (lacking := lacking_for(force, field)):
+            raise SceneError(f"forces: {name} needs {lacking}")
+
+
+def lacking_for(force: Force, field: FlowField) -> str:
+    """What a field lacks for a force, in words; empty where it has all."""
+    if force.needs == "pressure" and not (field.has("pressure") or field.has("given_gradient")):
+        return "a field with pressure"
+    if force.needs == "turbulence" and not (field.has("k") and field.has("dissipation")):
+        return "a field with k and dissipation; a laminar airflow has none"
+    return ""
 
 
 def pack_granules(grains: Granules, field: FlowField, forces: Sequence[str], gravity: Sequence[float]) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -96,8 +95,8 @@ def _spread(material: Material, key: str) -> object:
 
 def _known(material: Material, key: str, value: object) -> object:
     """A value with how well the material says that its own number is known, where it does."""
-    half = material.half_of(key)
-    if math.isnan(half):
+    half = material.half_of(key, -1.0)
+    if half < 0.0:
         return value
     return {**(value if isinstance(value, dict) else {"value": value}), "uncertainty": half}
 

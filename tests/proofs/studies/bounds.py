@@ -29,6 +29,7 @@ from wakeflow.air.field import FlowField
 from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.flight import Fate, track
 from wakeflow.flight.feed.feedstock import feedstock, granules_of
+from wakeflow.flight.pack import lacking_for
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.laws.forces import forces
 from wakeflow.laws.impaction import Cylinder, approach
@@ -101,7 +102,7 @@ def gates_rows(which: str, count: int = COUNT) -> Iterator[Row]:
             before = tried.fly(name, BASE)
             noise, _, _ = tried.apart(before, tried.fly(name, BASE, FINER))  # the tracker's own
             for term in TERMS:
-                lacking = bool(forces[term].lacks(tried.field))
+                lacking = bool(lacking_for(forces[term], tried.field))
                 if not (lacking or (term == "magnus") != spheres or (term == "magnus" and not tried.scene.body)):
                     yield {"scene": which, "fraction": name, **_moved(tried, name, term, before, noise)}
 

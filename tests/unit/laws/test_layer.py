@@ -24,7 +24,7 @@ every_model = pytest.mark.parametrize("model", [impact_models[name] for name in 
 
 @every_model
 def test_forces_of_a_layer_are_the_closed_forms(model: ImpactModel) -> None:
-    w, rho, area, e, k = 1.7, 2.0, 0.03, 0.4, model.mobility
+    w, rho, area, e, k = 1.7, 2.0, 0.03, 0.4, 1.0 / model.inertia
     sin, cos = math.sin(B), math.cos(B)
     slips, grips = wf.layer(B, 1.4, 0.3, rho, area, e, np.array([0.1, 5.0]), model.inertia).tangential
     got = wf.layer(B, 1.4, 0.3, rho, area, e, 0.1, model.inertia)
@@ -69,7 +69,7 @@ def test_means_over_a_vibration_balance_momentum_and_energy(model: ImpactModel) 
     phases = np.repeat(up, np.round(mass * 1e6).astype(int))
     wall = np.stack([np.zeros(len(phases)), phases], axis=1)
     sampled = load_on_wall(
-        flow, np.full(len(phases), v0), np.repeat(n[:1], len(phases), axis=0), wall, e, f, model.mobility
+        flow, np.full(len(phases), v0), np.repeat(n[:1], len(phases), axis=0), wall, e, f, 1.0 / model.inertia
     )
     assert sampled.power == pytest.approx(got.power.mean(), rel=1e-3)
     assert (sampled.normal, sampled.tangential) == pytest.approx((got.normal.mean(), got.tangential.mean()), rel=1e-3)

@@ -375,8 +375,7 @@ def onward(path, before, slope, state, ints, hold, affine, air, grain, table, wa
     Returns how many.
     """
     end = rules.until if air.smooth[at.KNOT_RATE] != 0.0 else min(rules.until, state[at.T_END])
-    bend = math.sqrt(path[at.N2X] ** 2 + path[at.N2Y] ** 2)
-    free = 0.0
+    bend, free = math.sqrt(path[at.N2X] ** 2 + path[at.N2Y] ** 2), 0.0
     weight = math.sqrt(grain[at.GX] ** 2 + grain[at.GY] ** 2)
     horizon = flight_left(state, rules, math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), weight)
     look = look_at(ints, affine, air, grain, ints[at.TRI], state[at.X], state[at.Y], state[at.T])
