@@ -17,8 +17,8 @@ from ..core.errors import SceneError
 from ..core.files import MAX_RECORD, check_tables, path_of, read_json, write_json
 from ..core.graded import GRADES, Grade
 from ..core.lazy import cached_property
-from ..core.number import VOID as VOID
 from ..core.number import NO_NUMBER, Number, percent
+from ..core.number import VOID as VOID
 from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable, column, columns, from_json, to_json
 from ..core.registry import Registry, did_you_mean
