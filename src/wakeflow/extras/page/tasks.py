@@ -67,7 +67,7 @@ def _capacity(scene: Scene, typed: str, _: Path) -> Work:
     def work(folder: Path, listener: Any, planned: Any, how: Mapping[str, Any]) -> str:
         del planned
         found, _ = capacity(scene, folder, feed=axes.get(RATE), listener=listener, **how)
-        limits = scene.limit.asked
+        limits = scene.limit.by_name
         return "; ".join([_outcome(found), *met_lines(met_up_to(found.table, limits), limits)])
 
     return work

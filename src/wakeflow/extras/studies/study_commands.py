@@ -249,7 +249,7 @@ def _operated(
         found, figure = made(asked, target, feed=rates, workers=options.workers, listener=listener, **how)
     if not options.quiet:
         show_sweep(found)
-        limits = asked.limit.asked
+        limits = asked.limit.by_name
         if name == "capacity":
             print_lines(met_lines(met_up_to(found.table, limits), limits))
         else:
