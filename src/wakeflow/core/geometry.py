@@ -147,12 +147,6 @@ def along(line: Array, points: Array) -> tuple[Array, Array]:
     return before[best] + part[each, best] * size[best], gap[each, best]
 
 
-def turn(into: Array, out: Array) -> Array:
-    """Angle (...,) rad from vectors ``into`` (..., 2) to vectors ``out``; positive counter-clockwise."""
-    cross = into[..., 0] * out[..., 1] - into[..., 1] * out[..., 0]
-    return np.asarray(np.arctan2(cross, (into * out).sum(axis=-1)))
-
-
 def rounded(outline: Array, radius: float) -> Array:
     """The outline with every corner, in or out, replaced by an arc of ``radius`` (m) that touches both its edges.
 
@@ -162,14 +156,15 @@ def rounded(outline: Array, radius: float) -> Array:
     """
     before, after = outline - np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0) - outline
     length = np.linalg.norm(after, axis=1)
-    turns = turn(before, after)
-    cut = np.abs(np.tan(turns / 2))  # length taken off either edge, in radii
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    turn = np.arctan2(cross, (before * after).sum(axis=1))
+    cut = np.abs(np.tan(turn / 2))  # length taken off either edge, in radii
     largest = float((length / np.maximum(cut + np.roll(cut, -1), 1e-12)).min())
     if radius >= largest:
         raise SceneError(f"rounding = {metres(radius)} eats an edge of the outline (allowed: < {metres(largest, 4)})")
     along = after / length[:, None]
     parts = []
-    for corner, angle, take, into in zip(outline, turns, radius * cut, np.roll(along, 1, axis=0), strict=True):
+    for corner, angle, take, into in zip(outline, turn, radius * cut, np.roll(along, 1, axis=0), strict=True):
         inward = np.copysign(1.0, angle) * np.array([-into[1], into[0]])
         centre = corner - take * into + radius * inward
         chords = 2 * max(1, math.ceil(abs(angle) / (2 * ARC)))

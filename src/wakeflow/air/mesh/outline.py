@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import MeshError
-from ...core.geometry import distance_to_edges, edges, turn, wall_edge
-from .spec import Array, MeshSpec
+from ...core.geometry import distance_to_edges, edges, wall_edge
+from .spec import Array, MeshSpec, turn
 
 # Chosen:
 SMOOTH = math.radians(25)  # a corner that turns less is part of a curve; core.geometry's roundings turn by 7.5 a chord

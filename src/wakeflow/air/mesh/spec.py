@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import MeshError
-from ...core.geometry import WallEdge, turn, wall_edge
+from ...core.geometry import WallEdge, wall_edge
 from ...core.number import Count, Known
 from ...core.process import call_in_child
 from ...core.record import Null, column, save
@@ -179,6 +179,12 @@ def of_sides(corners: Array) -> Array:
     """Twice the area (m, k) of the triangle from the origin to each side of polygons (m, k, 2)."""
     x, y = corners[..., 0], corners[..., 1]
     return np.asarray(x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y)
+
+
+def turn(into: Array, out: Array) -> Array:
+    """Angle (...,) rad from vectors ``into`` (..., 2) to vectors ``out``; positive counter-clockwise."""
+    cross = into[..., 0] * out[..., 1] - into[..., 1] * out[..., 0]
+    return np.asarray(np.arctan2(cross, (into * out).sum(axis=-1)))
 
 
 def angles(corners: Array) -> Array:
