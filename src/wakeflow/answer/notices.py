@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -175,11 +175,11 @@ def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iter
 
 
 # -- What is known of an airflow, with what other grids and the near wake's dust say of it -----------------------------
-def with_mesh_error(airflow: Airflow, studies: Sequence[GridStudy]) -> Airflow:
+def with_mesh_error(airflow: Airflow) -> Airflow:
     """The airflow with the mesh's part in the intervals of what several grids were compared in. A best estimate keeps
     its own: its grids are those of one end.
     """
-    found = {study.quantity: study for study in studies if not airflow.ends}
+    found = {study.quantity: study for study in airflow.grids if not airflow.ends}
     cd, base = _on_meshes(airflow.cd, found.get("cd")), _on_meshes(airflow.cp_base, found.get("cp_base"))
     return replace(airflow, cd=cd, cp_base=base)
 

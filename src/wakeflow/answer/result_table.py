@@ -93,7 +93,7 @@ def names_for(scene: Scene) -> list[str]:
         *(f"{kind}.{name}" for kind in ("recovery", "loss", "lost") for name in aimed),
         *(f"dirt.{place}" for place in scene.products),
         *(f"{THROUGHPUT}{place}" for place in bins),
-        *(f"money.{one.key}" for one in columns(Money) if scene.price.asked),
+        *(f"money.{one.key}" for one in columns(Money) if scene.price.given),
     ]
     found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
     for prefix, kind, given in (("airflow", Airflow, scene.air), ("funnel", FunnelSummary, scene.funnel)):

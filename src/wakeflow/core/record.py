@@ -10,7 +10,6 @@ import json
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
-from math import isnan
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, get_type_hints
 
@@ -31,10 +30,6 @@ WRONG = {  # what pydantic calls it, and what the user reads
 }
 
 
-def _absent(value: object) -> bool:
-    return value is None or (isinstance(value, float) and isnan(value))
-
-
 def column(
     unit: str, meaning: str, *, key: str = "", absent: bool = False, flat: bool = False, default: object = MISSING
 ) -> Any:
@@ -46,7 +41,7 @@ def column(
     ``dict`` for an empty one.
     """
     metadata: dict[str, object] = {"description": meaning, "json_schema_extra": {"unit": unit, "flat": flat}}
-    metadata |= {"exclude_if": _absent} if absent else {}
+    metadata |= {"exclude_if": lambda value: value is None or value != value} if absent else {}
     metadata |= {"alias": key} if key else {}
     if default is dict:
         return field(default_factory=dict, metadata=metadata)
@@ -66,15 +61,6 @@ class Null:
         read = core_schema.no_info_before_validator_function(lambda x: self.empty if x is None else x, inner)
         written = core_schema.wrap_serializer_function_ser_schema(lambda x, write: write(x) if number or x else None)
         return {**read, "serialization": written}
-
-
-def without_none(table: JsonMapping) -> JsonTable:
-    """The table, and those in it, without the keys that have no value."""
-    return {
-        key: without_none(value) if isinstance(value, Mapping) else value
-        for key, value in table.items()
-        if value is not None
-    }
 
 
 class Column(NamedTuple):

@@ -224,12 +224,12 @@ class SolvedAirPlan(AirflowPlan):
             )
 
 
-def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
+def choose_airflow(scene: Scene, rung: str, target_error: float) -> AirflowPlan:
     """The airflow of a rung asked for; ``auto`` goes by Reynolds number and the accuracy asked for (a share).
 
     Raises SceneError for a rung that the scene cannot have, and for turbulent air without turbulence.
     """
-    how = _chosen(scene, asked, target_error)
+    how = _chosen(scene, rung, target_error)
     enters = how.turbulence == DECAYING or (how.turbulent and how.turbulence != "given")
     if enters and scene.airstream.turbulence < MIN_TURBULENCE:
         raise SceneError(
@@ -239,22 +239,22 @@ def choose_airflow(scene: Scene, asked: str, target_error: float) -> AirflowPlan
     return how
 
 
-def _chosen(scene: Scene, asked: str, target_error: float) -> AirflowPlan:
+def _chosen(scene: Scene, rung: str, target_error: float) -> AirflowPlan:
     """The airflow of a rung asked for, whatever turbulence the scene gives it."""
-    check_rung(asked)
+    check_rung(rung)
     if scene.air is None:
-        if rungs[asked].needs_air:
-            raise SceneError(f"rung = {asked!r} needs an [air] table; leave the rung out for a vacuum")
+        if rungs[rung].needs_air:
+            raise SceneError(f"rung = {rung!r} needs an [air] table; leave the rung out for a vacuum")
         return NoAirPlan("none", "there is no [air]", "", "", scene.symmetric, half=False)
-    if rungs[asked].kind == "none":
+    if rungs[rung].kind == "none":
         if not scene.body:
-            raise SceneError(f"rung = {asked!r} leaves the air out, and without a body nothing is left: choose auto")
-        return NoAirPlan(asked, "asked for: the air is left out", "", "", scene.symmetric, half=False)
+            raise SceneError(f"rung = {rung!r} leaves the air out, and without a body nothing is left: choose auto")
+        return NoAirPlan(rung, "asked for: the air is left out", "", "", scene.symmetric, half=False)
     if not scene.body or scene.air.still:
-        return _analytic(scene, asked)
+        return _analytic(scene, rung)
     if scene.air.case:
-        return _given(scene.air.case, asked)
-    name, why = (asked, "asked for") if rungs[asked].kind else _auto(scene.reynolds, target_error)
+        return _given(scene.air.case, rung)
+    name, why = (rung, "asked for") if rungs[rung].kind else _auto(scene.reynolds, target_error)
     return _at_body(scene, scene.reynolds, name, why)
 
 
@@ -284,12 +284,12 @@ def _at_body(scene: Scene, reynolds: float, name: str, why: str) -> AirflowPlan:
     )
 
 
-def _analytic(scene: Scene, asked: str) -> AirflowPlan:
+def _analytic(scene: Scene, rung: str) -> AirflowPlan:
     """The plan of a channel without bodies, or of air at rest: nothing is meshed or solved."""
     air = scene.airstream
-    if asked != "auto":
+    if rung != "auto":
         why, cure = ("the air is at rest", "give air.speed") if air.still else ("there is no body", "add one")
-        raise SceneError(f"rung = {asked!r}: {why}, so there is nothing to solve; leave the rung out, or {cure}")
+        raise SceneError(f"rung = {rung!r}: {why}, so there is nothing to solve; leave the rung out, or {cure}")
     if air.still:
         why = "the air is at rest, and what bodies and granules stir up in it is left out: neither mesh nor solver"
         return AnalyticAirPlan("analytic", why, "", "laminar", scene.symmetric, half=False)
@@ -298,10 +298,10 @@ def _analytic(scene: Scene, asked: str) -> AirflowPlan:
     return AnalyticAirPlan("analytic", why, "", "laminar" if laminar else DECAYING, symmetric=True, half=False)
 
 
-def _given(case: str, asked: str) -> AirflowPlan:
+def _given(case: str, rung: str) -> AirflowPlan:
     """The plan of a user's own solution: nothing is solved, and nothing is known of its symmetry."""
-    if asked != "auto":
-        raise SceneError(f"rung = {asked!r}: air.case gives the airflow; leave the rung out, or air.case")
+    if rung != "auto":
+        raise SceneError(f"rung = {rung!r}: air.case gives the airflow; leave the rung out, or air.case")
     turbulence = "laminar" if is_laminar(Path(case)) else "given"
     return GivenAirPlan("given", f"air.case = {case}", "", turbulence, symmetric=False, half=False)
 
@@ -400,8 +400,8 @@ def frequency_ratios(scene: Scene, vibration: Vibration) -> tuple[float, float]:
     return slow * reduced / STROUHAL[1], fast * reduced / STROUHAL[0]
 
 
-def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | None = None) -> AirMotion:
-    """What a scene's vibration asks of its airflow: nothing without air or vibration. ``asked``: switched by hand.
+def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, switched: bool | None = None) -> AirMotion:
+    """What a scene's vibration asks of its airflow: nothing without air or vibration. ``switched``: by hand.
 
     The mesh can follow a harmonic along the channel. Raises SceneError for what it cannot follow, sideways vibration
     and samples, where that could lock the wake, or is switched on.
@@ -413,25 +413,27 @@ def vibration_of_scene(scene: Scene, accuracy: float = 0.02, *, asked: bool | No
     sheds = scene.reynolds >= SHEDDING_ABOVE
     sideways = abs(float(across)) / scene.air.speed
     motion = vibration_of_air(float(along) / scene.air.speed, ratios, accuracy, sheds=sheds)
-    if asked is False:
+    if switched is False:
         return AirMotion(False, max(motion.bound, sideways), f"{motion.why}; switched off by --force")
-    if scene.vibration.pivot is not None and (motion.used or asked or sideways > _most_sideways(ratios, sheds=sheds)):
+    if scene.vibration.pivot is not None and (
+        motion.used or switched or sideways > _most_sideways(ratios, sheds=sheds)
+    ):
         raise SceneError(
             f"vibration.pivot: {motion.why}, sideways a w / U = {sideways:.2g}, and the mesh does not rock; make it "
             f"weaker, or let the air see a body at rest with --force {VIBRATION}=off"
         )
-    if sideways > _most_sideways(ratios, sheds=sheds) or (asked and abs(across) > abs(along)):
+    if sideways > _most_sideways(ratios, sheds=sheds) or (switched and abs(across) > abs(along)):
         raise SceneError(
             f"vibration.direction = {math.degrees(scene.vibration.direction):.3g} deg: sideways at a w / U = "
             f"{sideways:.2g} the body may lock its wake, and the mesh moves along the channel only; turn the vibration "
             f"to 90 deg, make it weaker, or let the air see a body at rest with --force {VIBRATION}=off"
         )
-    if scene.vibration.samples is not None and (motion.used or asked):
+    if scene.vibration.samples is not None and (motion.used or switched):
         raise SceneError(
             f"vibration.samples: {motion.why}, and the mesh follows harmonic vibration only; give frequency and "
             f"amplitude, make it weaker, or let the air see a body at rest with --force {VIBRATION}=off"
         )
-    if asked:
+    if switched:
         motion = AirMotion(True, motion.bound, f"{motion.why}; switched on by --force")
     if sideways > 1e-9:
         return AirMotion(motion.used, max(motion.bound, sideways), f"{motion.why}; its sideways part is left out")

@@ -114,8 +114,8 @@ def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str,
     more than MAX_STREAMS fractions those that come down alike meet others alike: one of them tells for all.
     """
     streams = {name: _stream(scene, name, *laws[name]) for name in scene.fraction}
-    told_by = _told_by(streams)
-    pairs = product(dict.fromkeys(told_by.values()), repeat=2)
+    known_by = _known_by(streams)
+    pairs = product(dict.fromkeys(known_by.values()), repeat=2)
     ways = {(one, two): tuple(_ways(streams[one], streams[two])) for one, two in pairs}
     bounce = 1.0 + scene.collisions.restitution
     found = {}
@@ -123,9 +123,9 @@ def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str,
         by, heavier, knocks = dict.fromkeys(streams, 0.0), 0.0, 0.0
         for partner, other in streams.items():
             share = other.mass / (own.mass + other.mass)
-            alike = told_by[partner]
+            alike = known_by[partner]
             part = 1.0 if alike == partner else other.flux / streams[alike].flux
-            for meetings, closing in ways[told_by[name], alike]:
+            for meetings, closing in ways[known_by[name], alike]:
                 by[partner] += part * meetings
                 weighed = part * meetings * min(1.0, 2.0 * share)
                 heavier += weighed
@@ -134,19 +134,19 @@ def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str,
     return found
 
 
-def _told_by(streams: Mapping[str, _Stream]) -> dict[str, str]:
+def _known_by(streams: Mapping[str, _Stream]) -> dict[str, str]:
     """The fraction that tells for each: itself, or of more than MAX_STREAMS one that is like it, first by how fast it
     comes down, then by its size.
     """
     if len(streams) <= MAX_STREAMS:
         return {name: name for name in streams}
     side = math.isqrt(MAX_STREAMS)
-    told_by: dict[str, str] = {}
+    known_by: dict[str, str] = {}
     for rows in np.array_split(sorted(streams, key=lambda name: float(streams[name].falls[-1].speed[-1])), side):
         for group in np.array_split(sorted(rows.tolist(), key=lambda name: streams[name].diameter), side):
             if len(group):
-                told_by |= dict.fromkeys(group.tolist(), str(group[len(group) // 2]))
-    return told_by
+                known_by |= dict.fromkeys(group.tolist(), str(group[len(group) // 2]))
+    return known_by
 
 
 def shifted(scene: Scene, met: Encounters, scales: Sequence[FlightScales]) -> float:

@@ -61,11 +61,11 @@ class CollisionPlan:
         return min(self.replicates, flown + 2 * max(1, flown // 4))
 
 
-def why_no_collisions(scene: Scene, *, asked: bool = False) -> str:
+def why_no_collisions(scene: Scene, *, switched: bool = False) -> str:
     """Why no slab can be flown for a scene; empty where it can. ``asked``: for by hand."""
     if scene.feed.start == "resting":
         return "granules that start at rest on the body are no stream: they have no feed rate"
-    return "" if scene.feed.rate or asked else NO_RATE
+    return "" if scene.feed.rate or switched else NO_RATE
 
 
 def too_many_to_collide(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> str:

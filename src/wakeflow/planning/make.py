@@ -361,7 +361,7 @@ def _airflow(scene: Scene, rung: str, target: float, switches: Mapping[str, bool
     airflow = choose_airflow(scene, rung, target)
     if airflow.stepping != "time-resolved":
         return airflow, AirMotion()
-    motion = vibration_of_scene(scene, airflow.accuracy, asked=switches.get(VIBRATION))
+    motion = vibration_of_scene(scene, airflow.accuracy, switched=switches.get(VIBRATION))
     if airflow.span and motion.used:
         raise SceneError(f"rung = {rung!r} holds the body still in the air, and here {motion.why}; choose standard")
     return replace(airflow, moving=motion.used), motion
@@ -388,11 +388,11 @@ def _crowd(
     """The slab in which granules meet; None where that could not move a fraction by more than the accuracy allows, and
     where an ``obstacle`` is in the way, unless it was asked for. ``paired``: as :func:`plan_collisions` says.
     """
-    asked = switches.get(COLLISIONS)
-    if asked is None:
+    switched = switches.get(COLLISIONS)
+    if switched is None:
         limit = limit_of(scene, target)
-        asked = not obstacle and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
-    return plan_collisions(scene, _laws(approaches), target, paired=paired) if asked else None
+        switched = not obstacle and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
+    return plan_collisions(scene, _laws(approaches), target, paired=paired) if switched else None
 
 
 def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:

@@ -257,7 +257,7 @@ def warning_lines(
             )
         yield from _injected_beyond(name, plan, target)
         yield from _inside_the_parting_air(scene, name, plan)
-    for limited, most in scene.limit.asked.items():
+    for limited, most in scene.limit.by_name.items():
         if most < target:
             yield information(
                 f"limit.{limited} = {100 * most:.3g} % is finer than the accuracy asked for, {100 * target:.3g} %: its "

@@ -323,7 +323,7 @@ def fan_notices(scene: Scene) -> Iterator[Notice]:
 def _money(scene: Scene) -> str:
     """What the feed is worth at most, and what the fan's electricity costs; empty in a scene without prices."""
     price, feed = scene.price, scene.feed
-    if not price.asked:
+    if not price.given:
         return ""
     values = price.by_bin({name: tuple(one.targets) for name, one in scene.fraction.items()})
     shares, hourly = scene.mass_shares(), HOUR / TONNE * feed.mass_flow

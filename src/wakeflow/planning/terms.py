@@ -176,7 +176,7 @@ def check_switches(scene: Scene, force: Mapping[str, bool], turbulence: str) -> 
 def _obstacle(scene: Scene, fraction: str, term: str, turbulence: str) -> str:
     """Why a term cannot be switched on for a ``fraction``, or ("") for all; empty where it can."""
     if term == COLLISIONS:
-        return why_no_collisions(scene, asked=True)
+        return why_no_collisions(scene, switched=True)
     if scene.air is None:
         return "a term of the air; add an [air] table"
     if term in (VIBRATION, LOADING) and not fraction:

@@ -94,10 +94,10 @@ class UnknownKind:
 
 @dataclass(frozen=True)
 class Drawn:
-    """The number ``x`` of an unknown (``one``) of a ``scene`` under a ``plan``, in a draw that is ``made`` so far."""
+    """The number ``x`` of an ``unknown`` of a ``scene`` under a ``plan``, in a draw that is ``made`` so far."""
 
     made: Variation
-    one: Unknown
+    unknown: Unknown
     x: float
     scene: Scene
     plan: Plan
@@ -105,16 +105,16 @@ class Drawn:
     @property
     def factor(self) -> float:
         """The number over the unknown's value."""
-        return max(self.x / self.one.value, MIN_FACTOR)
+        return max(self.x / self.unknown.value, MIN_FACTOR)
 
     @property
     def granules(self) -> GranuleVariation:
         """What the draw changes so far of the granules of the unknown's fraction."""
-        return self.made.of(self.one.fraction)
+        return self.made.of(self.unknown.fraction)
 
     def with_granules(self, **changes: float) -> Variation:
         """The draw with something more changed of the granules of the unknown's fraction."""
-        return self.made.with_granules(self.one.fraction, **changes)
+        return self.made.with_granules(self.unknown.fraction, **changes)
 
 
 unknown_kinds: Registry[UnknownKind] = Registry("unknown")
@@ -122,19 +122,19 @@ unknown_kinds: Registry[UnknownKind] = Registry("unknown")
 
 def unknowns(scene: Scene, plan: Plan) -> list[Unknown]:
     """Everything that is not known exactly of ``scene`` under ``plan``."""
-    return [one for one in numbers(scene, plan) if one.low > 0.0 or one.high > 0.0]
+    return [unknown for unknown in numbers(scene, plan) if unknown.low > 0.0 or unknown.high > 0.0]
 
 
 def numbers(scene: Scene, plan: Plan) -> list[Unknown]:
     """The same with what is exact: an unknown that is off by nothing."""
-    return [one for name in unknown_kinds for one in unknown_kinds[name].found(scene, plan)]
+    return [unknown for name in unknown_kinds for unknown in unknown_kinds[name].found(scene, plan)]
 
 
 def variation_at(scene: Scene, plan: Plan, known: Sequence[Unknown], z: Array) -> Variation:
     """The draw in which each unknown lies ``z`` (K,) standard deviations off."""
     made = Variation()
-    for one, off in zip(known, z, strict=True):
-        made = unknown_kinds[one.kind].vary(Drawn(made, one, one.at(float(off)), scene, plan))
+    for unknown, off in zip(known, z, strict=True):
+        made = unknown_kinds[unknown.kind].vary(Drawn(made, unknown, unknown.at(float(off)), scene, plan))
     return made
 
 
@@ -173,7 +173,7 @@ def _causes(
     rest = math.sqrt(MOST_COMMON - shared**2)
     quantity = {"size": "diameter", "inverse_inertia": "impact"}.get(entry, entry)
     lots = _lots(quantity, lot, half, at) if lot else ()
-    return (*of_plate, *((f"{entry} of {one}", rest * part) for one, part in lots if part > 0.0))
+    return (*of_plate, *((f"{entry} of {material}", rest * part) for material, part in lots if part > 0.0))
 
 
 def _lots(quantity: str, lot: str, half: float, at: Half) -> Iterator[tuple[str, float]]:
@@ -216,7 +216,7 @@ def _drag(drawn: Drawn, faster: float, size: float = 1.0, density: float = 1.0) 
     """The factor on the drag of a fraction's granules with which the median one falls ``faster``, where its ``size``
     and ``density`` are others too; all are factors.
     """
-    how, fraction = drawn.plan.fractions[drawn.one.fraction], drawn.scene.fraction[drawn.one.fraction]
+    how, fraction = drawn.plan.fractions[drawn.unknown.fraction], drawn.scene.fraction[drawn.unknown.fraction]
     granule, law = fraction.properties, (*STANDARD_AIR, GRAVITY, how.drag, fraction.roundness)
     own, other = (
         float(drag_factor_for_terminal_velocity(d * granule.diameter, rho * granule.density, v * speed, *law))
@@ -233,17 +233,18 @@ def _vary_size(drawn: Drawn) -> Variation:
 
 def _vary_density(drawn: Drawn) -> Variation:
     """Where the terminal velocity is known of itself, its drag goes with the density."""
-    kept = 1.0 if drawn.scene.fraction[drawn.one.fraction].measured_settling is None else drawn.factor
+    kept = 1.0 if drawn.scene.fraction[drawn.unknown.fraction].measured_settling is None else drawn.factor
     return drawn.with_granules(density=drawn.factor, drag=drawn.granules.drag * kept)
 
 
 def _vary_moisture(drawn: Drawn) -> Variation:
     """What was measured of the material at both ends, where the scene gives no number of its own for it."""
-    scene, plan, name, own = drawn.scene, drawn.plan, drawn.one.fraction, drawn.granules
+    scene, plan, name, own = drawn.scene, drawn.plan, drawn.unknown.fraction, drawn.granules
     fraction = scene.fraction[name]
     wet = _water(fraction)
     moved = dict.fromkeys(WET, 1.0) | {
-        key: wet.factor(key, drawn.x) / wet.factor(key, drawn.one.value) for key in _moved_by_water(scene, plan, name)
+        key: wet.factor(key, drawn.x) / wet.factor(key, drawn.unknown.value)
+        for key in _moved_by_water(scene, plan, name)
     }
     size, density, faster, friction = (moved[key] for key in WET)
     timed = None not in (fraction.measured_settling, plan.fractions[name].terminal_velocity)
@@ -378,7 +379,7 @@ def _blows(scene: Scene, plan: Plan) -> bool:
 
 
 _add_of_fractions(
-    "restitution", "1", _restitution, lambda drawn: drawn.with_granules(restitution=drawn.x - drawn.one.value),
+    "restitution", "1", _restitution, lambda drawn: drawn.with_granules(restitution=drawn.x - drawn.unknown.value),
     span=PORTION,
 )  # fmt: skip
 _add_of_fractions("friction", "1", lambda f: f.properties.friction, _factor_on("friction"))
@@ -470,7 +471,8 @@ unknown_kinds.add("feed_width", UnknownKind(
 ))  # fmt: skip
 unknown_kinds.add("feed_position", UnknownKind(
     _of_scene("feed.position", "feed_position", "m", lambda scene: scene.feed.position),
-    lambda drawn: replace(drawn.made, feed_shift=drawn.x - drawn.one.value), span=(-math.inf, math.inf), lateral=True,
+    lambda drawn: replace(drawn.made, feed_shift=drawn.x - drawn.unknown.value),
+    span=(-math.inf, math.inf), lateral=True,
 ))  # fmt: skip
 unknown_kinds.add("feed_fall", UnknownKind(_fall, _vary_fall))
 unknown_kinds.add("air_speed", UnknownKind(
@@ -505,7 +507,7 @@ class Dependence:
     @property
     def of_air(self) -> NDArray[np.bool_]:
         """Which unknowns (K,) are the air's, shared by several draws."""
-        return np.array([unknown_kinds[one.kind].of_air for one in self.unknowns], dtype=bool)
+        return np.array([unknown_kinds[unknown.kind].of_air for unknown in self.unknowns], dtype=bool)
 
     def joined(self, xi: Array) -> Array:
         """Independent standard normal numbers ``xi`` (N, K) as standard normal ones that move together; those of the
@@ -516,7 +518,7 @@ class Dependence:
 
     def kept(self, z: Array) -> NDArray[np.bool_]:
         """Which draws (N,), each unknown ``z`` (N, K) standard deviations off, keep to the orders."""
-        column = {one.key: z[:, i] for i, one in enumerate(self.unknowns)}
+        column = {unknown.key: z[:, i] for i, unknown in enumerate(self.unknowns)}
         exact, kept = np.zeros(len(z)), np.ones(len(z), dtype=bool)
         for low, high in self.orders:
             kept &= low.all_at(column.get(low.key, exact)) <= high.all_at(column.get(high.key, exact))
@@ -524,16 +526,19 @@ class Dependence:
 
     def among(self, which: NDArray[np.bool_]) -> Dependence:
         """The same with the orders of ``which`` unknowns (K,) and exact numbers alone."""
-        others = {one.key for one, own in zip(self.unknowns, which, strict=True) if not own}
-        return replace(self, orders=tuple(pair for pair in self.orders if not others & {one.key for one in pair}))
+        others = {unknown.key for unknown, own in zip(self.unknowns, which, strict=True) if not own}
+        return replace(
+            self, orders=tuple(pair for pair in self.orders if not others & {unknown.key for unknown in pair})
+        )
 
 
 def dependence(scene: Scene, plan: Plan, unknowns: Sequence[Unknown]) -> Dependence:
     """How the ``unknowns`` of ``scene`` under ``plan`` depend on each other: as the scene says of those that it names
     in any tie, the others by their common causes. Raises SceneError as :func:`orders`.
     """
-    correlation, said = correlation_of(scene.uncertainty, [one.key for one in unknowns]), said_of(scene.uncertainty)
-    causes = [{} if one.key in said else dict(one.causes) for one in unknowns]
+    correlation = correlation_of(scene.uncertainty, [unknown.key for unknown in unknowns])
+    said = said_of(scene.uncertainty)
+    causes = [{} if unknown.key in said else dict(unknown.causes) for unknown in unknowns]
     every = sorted(set().union(*causes))
     parts = np.array([[own.get(cause, 0.0) for cause in every] for own in causes]).reshape(len(causes), len(every))
     common = parts @ parts.T
@@ -547,11 +552,11 @@ def orders(scene: Scene, plan: Plan) -> tuple[tuple[Unknown, Unknown], ...]:
     Raises SceneError where the scene's own first number is above the second.
     """
     pairs = orders_of(scene.uncertainty)
-    acting = {one.key: one for one in numbers(scene, plan)} if pairs else {}
+    acting = {unknown.key: unknown for unknown in numbers(scene, plan)} if pairs else {}
     found = tuple((acting[low], acting[high]) for low, high in pairs if low in acting and high in acting)
     for low, high in found:
         if low.value > high.value:
-            own, other = (f"{one.key} = {say(one.value, one.unit, 4)}" for one in (low, high))
+            own, other = (f"{unknown.key} = {say(unknown.value, unknown.unit, 4)}" for unknown in (low, high))
             raise SceneError(f"uncertainty.never_above: {own} is above {other}; change one, or leave this order out")
     return found
 

@@ -114,13 +114,13 @@ def span_of(scene: Scene) -> Span:
 
     Raises SceneError where the wake is not turbulent, and for what a span cannot follow.
     """
-    asked, reynolds = scene.numerics.span, scene.reynolds
+    span, reynolds = scene.numerics.span, scene.reynolds
     if not model_at(reynolds).turbulent:
         raise SceneError(f"rung = '3d' resolves a turbulent wake; at Re {reynolds:.3g} it is laminar: choose standard")
     if scene.air is not None and scene.air.profile == "parabolic":
         raise SceneError("rung = '3d': a parabolic inlet is laminar and its wake is not; air.profile = 'uniform'")
-    layers = asked.layers or max(MIN_LAYERS, math.ceil(LAYERS_A_WIDTH * asked.depth))
-    return Span(asked.depth, layers, asked.shedding_cycles)
+    layers = span.layers or max(MIN_LAYERS, math.ceil(LAYERS_A_WIDTH * span.depth))
+    return Span(span.depth, layers, span.shedding_cycles)
 
 
 def cost_of(span: Span, plane_cells: float, scale: float) -> SpanCost:

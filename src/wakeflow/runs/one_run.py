@@ -196,12 +196,11 @@ class OneRun:
         mesh = pipeline.air.mesh_quality or None
         if until == "mesh":
             return mesh, None
-        airflow = pipeline.airflow
-        studies = airflow_on_grids(pipeline)
+        airflow = replace(pipeline.airflow, grids=airflow_on_grids(pipeline))
         loading = None if pipeline.loading is None else pipeline.loading.summary
         fan = airflow.by_fan(scene, loaded=loading is not None)
-        table = replace(airflow, grids=studies, momentum=airflow.by_momentum(scene), loading=loading, fan=fan)
-        return mesh, with_mesh_error(table, studies)
+        table = replace(airflow, momentum=airflow.by_momentum(scene), loading=loading, fan=fan)
+        return mesh, with_mesh_error(table)
 
     def _answered(self, result: Result, flights: Flights) -> Result:
         """The result with its shares, and all that is known of their errors."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -88,7 +87,7 @@ def _blown(pipeline: Pipeline, plan_of: Callable[[Scene], Plan]) -> Pipeline:
             scene, air = pipeline.scene, pipeline.air if own else pipeline.airs.bare_steady[0]
             found, speed = known(air.numbers.by_fan(scene, loaded=loaded)), scene.airstream.speed
             near = found.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed))
-            if near or math.isnan(found.meets):
+            if near or not found.meets > 0.0:
                 break
             pipeline.listener("airflow", f"the fan has the air at {found.meets:.3g} m/s by its drop, not {speed:.3g}")
             blown = scene.replace({CHANNEL: air.numbers.loss(scene, loaded=loaded)})

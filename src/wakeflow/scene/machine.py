@@ -330,7 +330,7 @@ class Vibration(Weighed, LawTable):
                     raise SceneError(f"{key} is of a motion along a line; about a pivot give frequency and angle")
         return given
 
-    def told_arms(self, bodies: Mapping[str, Body]) -> None:
+    def take_arms(self, bodies: Mapping[str, Body]) -> None:
         """Take how far (m) from the pivot, along x and along y, the scene's bodies reach."""
         if self.pivot is not None and bodies:
             corners = np.concatenate([body.outline() for body in bodies.values()])

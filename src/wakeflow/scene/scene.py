@@ -20,7 +20,7 @@ from pydantic import ValidationError
 from ..core.errors import LONGEST, SceneError
 from ..core.files import atomic_write, check_tables, path_of, read_toml
 from ..core.quantities import say, speaking
-from ..core.record import JsonTable, without_none
+from ..core.record import JsonTable
 from .bins import SideBin
 from .checks import CHECKS, OVER_THE_TOP
 from .measured import trays_in
@@ -28,6 +28,7 @@ from .messages import EVERYWHERE, doubts, explain, units_in, with_units
 from .overrides import changed
 from .own_files import with_own_files, with_own_materials
 from .schema import Place
+from .table import without_none
 from .uncertainty import with_uncertainty_table
 from .whole import SceneTables
 

@@ -12,8 +12,9 @@ from pydantic_core.core_schema import DictSchema, NullableSchema, WithDefaultSch
 
 from ..core.errors import SceneError
 from ..core.quantities import say
-from ..core.record import JsonTable, without_none
+from ..core.record import JsonTable
 from ..core.registry import did_you_mean
+from .table import without_none
 from .whole import SceneTables
 
 Place = tuple[str | int, ...]  # keys, and places in lists, from the top of a scene

@@ -59,6 +59,15 @@ def flat(tables: Mapping[str, object]) -> JsonTable:
     return result
 
 
+def without_none(table: Mapping[str, Any]) -> JsonTable:
+    """The table, and those in it, without the keys that have no value."""
+    return {
+        key: without_none(value) if isinstance(value, Mapping) else value
+        for key, value in table.items()
+        if value is not None
+    }
+
+
 class LawTable(Table):
     """A table that names a law, a shape or a motion, whose parameters are keys beside the name."""
 

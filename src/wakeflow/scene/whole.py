@@ -70,7 +70,7 @@ class LimitTable(Table):
     )
 
     @property
-    def asked(self) -> dict[str, float]:
+    def by_name(self) -> dict[str, float]:
         """The limits by the names of what they limit: loss.FRACTION and dirt.BIN."""
         return {f"loss.{name}": most for name, most in self.loss.items()} | {
             f"dirt.{place}": most for place, most in self.dirt.items()
@@ -104,7 +104,7 @@ class PriceTable(Table):
     other_drop: Drop = Field(0.0, description="pressure that the fan gives beside the channel: ducts, filter, cyclone")
 
     @property
-    def asked(self) -> bool:
+    def given(self) -> bool:
         """Whether anything has a price."""
         return bool(self.value) or self.electricity is not None
 
@@ -291,7 +291,7 @@ class SceneTables(Table):
             if table is not None:
                 table.weighed(self.gravity)
         if self.vibration is not None:
-            self.vibration.told_arms(self.body)
+            self.vibration.take_arms(self.body)
         if self.air is not None and self.air.fan is not None:
             self.air.blown(fan_point(self, self.air.fan))
         return self

@@ -118,7 +118,7 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
         yield "lifting", lifted
     yield "feed", _feed(scene)
     yield from trade_lines(scene)
-    if held := [f"{name} at most {100 * most:.4g} %" for name, most in scene.limit.asked.items()]:
+    if held := [f"{name} at most {100 * most:.4g} %" for name, most in scene.limit.by_name.items()]:
         yield "held to", ", ".join(held)
     yield "flown with", _terms(plan)
     if plan.crowd is not None:

@@ -350,14 +350,14 @@ class TestRule:
         assert motion.bound < 0.05
         strong = scene.replace({"vibration.gamma": 8.0})
         assert vibration_of_scene(strong).used
-        assert not vibration_of_scene(strong, asked=False).used
+        assert not vibration_of_scene(strong, switched=False).used
         assert vibration_of_scene(Scene.load(cases / "vacuum.toml")) == AirMotion()
 
     def test_sideways_vibration_that_could_lock_the_wake_is_refused(self, cases: Path) -> None:
         scene = Scene.load(cases / "rhombus.toml").replace({"vibration.direction": 0.0, "vibration.frequency": 20.0})
         with pytest.raises(SceneError, match=r"turn the vibration to 90 deg.*--force vibration-of-the-air=off"):
             vibration_of_scene(scene)
-        assert not vibration_of_scene(scene, asked=False).used
+        assert not vibration_of_scene(scene, switched=False).used
         feeble = vibration_of_scene(scene.replace({"vibration.gamma": 0.1}))
         assert not feeble.used
         assert "sideways part is left out" in feeble.why

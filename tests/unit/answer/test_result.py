@@ -96,8 +96,8 @@ def test_drag_holds_the_error_of_its_mesh() -> None:
     study = GridStudy(
         2.053, 1.821, 2.284, quantity="cd", cells=(776, 360), values=(2.053, 1.964), order=None, kind="two-grid", why=""
     )
-    assert with_mesh_error(Airflow(cd=still), [study]).cd == Number(2.053, 1.821, 2.284)
-    assert with_mesh_error(Airflow(cd=still), []).cd == still
+    assert with_mesh_error(Airflow(cd=still, grids=(study,))).cd == Number(2.053, 1.821, 2.284)
+    assert with_mesh_error(Airflow(cd=still)).cd == still
 
 
 def test_a_folder_without_a_run_is_one_line(tmp_path: Path) -> None:

@@ -131,4 +131,4 @@ def test_a_rocking_body_that_would_lock_its_wake_is_refused() -> None:
     fast = shipped("rocking", {"vibration.frequency": "40 Hz", "vibration.angle": "6 deg"})
     with pytest.raises(SceneError, match=r"vibration\.pivot"):
         vibration_of_scene(fast)
-    assert vibration_of_scene(fast, asked=False).bound > 0.1
+    assert vibration_of_scene(fast, switched=False).bound > 0.1

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import FoamError
 from ...core.files import read_packed
+from ..mesh.spec import of_sides
 from .reconstruction import PlaneMesh
 
 Index = NDArray[np.intp]
@@ -118,21 +119,15 @@ def _cells(
     for number in np.unique(count):
         which = np.flatnonzero(count == number)
         nodes = corners[ends[back[which]][:, None] + np.arange(number)]
-        turned = _cross(points[nodes]).sum(axis=1) <= 0.0
+        turned = of_sides(points[nodes]).sum(axis=1) <= 0.0
         nodes[turned] = nodes[turned, ::-1]
         local = points[nodes] - points[nodes[:, :1]]
-        cross = _cross(local)
+        cross = of_sides(local)
         moment = ((local + np.roll(local, -1, axis=1)) * cross[..., None]).sum(axis=1)
         centres[which] = points[nodes[:, 0]] + moment / (3.0 * cross.sum(axis=1))[:, None]
         for cell, those in zip(which, nodes, strict=True):
             cells[cell] = those
     return cells, centres
-
-
-def _cross(corner: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Twice the area of the triangle from the origin to each side (m, k) of polygons (m, k, 2)."""
-    x, y = corner[..., 0], corner[..., 1]
-    return np.asarray(x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y)
 
 
 def _open(folder: Path, name: str) -> tuple[bytes, bool, str, bytes]:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import area
+from ..mesh.spec import angles
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -104,8 +105,8 @@ def _cut(points: Array, polygon: Index) -> list[Index]:
         for low in range(size - gap):
             high, inside = low + gap, np.arange(low + 1, low + gap)
             corners = np.stack([np.full(gap - 1, low), inside, np.full(gap - 1, high)], axis=1)
-            angles = _least_angle(points[polygon[corners]]).tolist()
-            cuts = zip(angles, inside.tolist(), strict=True)
+            least = angles(points[polygon[corners]]).min(axis=1).tolist()
+            cuts = zip(least, inside.tolist(), strict=True)
             best[low, high] = max((min(angle, best[low, m][0], best[m, high][0]), m) for angle, m in cuts)
     result, waiting = [], [(0, size - 1)]
     while waiting:
@@ -119,16 +120,9 @@ def _cut(points: Array, polygon: Index) -> list[Index]:
 
 def _split_quads(points: Array, quads: Index) -> Index:
     ways = [((0, 1, 2), (0, 2, 3)), ((1, 2, 3), (1, 3, 0))]
-    least = [np.minimum(*(_least_angle(points[quads[:, corners]]) for corners in way)) for way in ways]
+    least = [np.minimum(*(angles(points[quads[:, corners]]).min(axis=1) for corners in way)) for way in ways]
     first = (least[0] >= least[1])[:, None]
     return np.vstack([np.where(first, quads[:, ways[0][i]], quads[:, ways[1][i]]) for i in (0, 1)])
-
-
-def _least_angle(corner: Array) -> Array:
-    """Least angle of triangles (t, 3, 2), in radians; negative where a triangle is turned over."""
-    out, back = np.roll(corner, -1, axis=1) - corner, np.roll(corner, 1, axis=1) - corner
-    turn = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
-    return np.asarray(np.arctan2(turn, (out * back).sum(axis=2)).min(axis=1))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ...core.files import write_json
+from ...core.record import JsonTable
 from ...laws.turbulence import USUAL, turbulence_models
 from .case import read_parameters, write_parameters
 from .programs import AirflowFailure, Cause, call, disk_is_full, gather, scatter
@@ -77,13 +78,15 @@ SAME = 1e-9  # times that differ by less, relative, are the same: OpenFOAM round
 
 def segment_ends(folder: Path) -> list[float]:
     """The times (s, or iterations) at which segments of the case ended, in order; also those no longer stored."""
-    return [float(name) for name in _ledger(folder)]
+    return [float(name) for name in _ledger(folder)["ends"]]
 
 
 def states(folder: Path) -> list[Path]:
     """The time folders of :func:`segment_ends` that are still there, whole: a run may go on from each."""
     return [
-        path for path in (folder / name for name in _ledger(folder)) if path.is_dir() and holds_a_state(folder, path)
+        path
+        for path in (folder / name for name in _ledger(folder)["ends"])
+        if path.is_dir() and holds_a_state(folder, path)
     ]
 
 
@@ -96,8 +99,7 @@ def ended_early(folder: Path) -> bool:
     """Whether the last segment ended before the time it was asked for, with the settings that the case has now: a
     steady solver found itself converged.
     """
-    path = folder / LEDGER
-    early = json.loads(path.read_text())["early"] if path.exists() else None
+    early = _ledger(folder)["early"]
     return early is not None and early == read_parameters(folder).get("settings", "")
 
 
@@ -108,7 +110,7 @@ def drop_after(folder: Path, time: float) -> None:
 
     Can be repeated after an interruption.
     """
-    known = _ledger(folder)
+    known = _ledger(folder)["ends"]
     kept = [name for name in known if not _later(float(name), time)]
     if kept != known:
         write_json(folder / LEDGER, {"ends": kept, "early": None})
@@ -157,7 +159,7 @@ def run_segment(
         raise AirflowFailure(Cause.STOPPED, f"{program} ended at {begin:g} without a step; log: {folder}/log.{program}")
     reached = float(stored[-1].name)
     early = read_parameters(folder).get("settings", "") if _later(end, reached) else None
-    write_json(folder / LEDGER, {"ends": [*_ledger(folder), stored[-1].name], "early": early})
+    write_json(folder / LEDGER, {"ends": [*_ledger(folder)["ends"], stored[-1].name], "early": early})
     return reached
 
 
@@ -172,9 +174,9 @@ def purge(folder: Path, kept: int = 0) -> None:
             shutil.rmtree(path)
 
 
-def _ledger(folder: Path) -> list[str]:
+def _ledger(folder: Path) -> JsonTable:
     path = folder / LEDGER
-    return list(json.loads(path.read_text())["ends"]) if path.exists() else []
+    return dict(json.loads(path.read_text())) if path.exists() else {"ends": [], "early": None}
 
 
 def _later(time: float, than: float) -> bool:

@@ -38,7 +38,7 @@ class FlatMesh:
 
     def without_flat_quads(self) -> FlatMesh:
         """The same mesh, quads with an angle above FLAT degrees cut into two triangles from that corner."""
-        angle = angles(self.points[self.quads]) % 360
+        angle = np.degrees(angles(self.points[self.quads])) % 360
         flat = angle.max(axis=1) > FLAT
         order = (angle[flat].argmax(axis=1)[:, None] + np.arange(4)) % 4
         a, b, c, d = np.take_along_axis(self.quads[flat], order, axis=1).T

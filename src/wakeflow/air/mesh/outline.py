@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import MeshError
 from ...core.geometry import distance_to_edges, edges, wall_edge
-from .spec import Array, MeshSpec
+from .spec import Array, MeshSpec, turn
 
 # Chosen:
 SMOOTH = math.radians(25)  # a corner that turns less is part of a curve; core.geometry's roundings turn by 7.5 a chord
@@ -66,9 +66,7 @@ def seen(spec: MeshSpec, index: int) -> Array:
 def turn_angles(outline: Array) -> Array:
     """Angle (rad) by which a counter-clockwise outline turns at each corner; positive where it is convex."""
     start, end = edges(outline)
-    out = end - start
-    into = np.roll(out, 1, axis=0)
-    return np.asarray(np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1)))
+    return turn(np.roll(end - start, 1, axis=0), end - start)
 
 
 def sharp(outline: Array) -> NDArray[np.bool_]:
@@ -165,9 +163,7 @@ def _standing(ring: Array, patch: str, spec: MeshSpec, size: Callable[[Array], A
 def _split(chain: Array) -> list[Array]:
     """An open chain cut at its sharp corners."""
     along = np.diff(chain, axis=0)
-    into, out = along[:-1], along[1:]
-    turn = np.arctan2(into[:, 0] * out[:, 1] - into[:, 1] * out[:, 0], (into * out).sum(axis=1))
-    cuts = [0, *(np.flatnonzero(np.abs(turn) > SMOOTH) + 1).tolist(), len(chain) - 1]
+    cuts = [0, *(np.flatnonzero(np.abs(turn(along[:-1], along[1:])) > SMOOTH) + 1).tolist(), len(chain) - 1]
     return [chain[a : b + 1] for a, b in pairwise(cuts)]
 
 

@@ -172,15 +172,24 @@ def _anticlockwise(points: Array, cells: NDArray[np.intp]) -> NDArray[np.intp]:
 
 def double_area(corners: Array) -> Array:
     """Twice the signed area (m,) of polygons (m, k, 2), positive where they run counter-clockwise."""
+    return np.asarray(of_sides(corners).sum(axis=1))
+
+
+def of_sides(corners: Array) -> Array:
+    """Twice the area (m, k) of the triangle from the origin to each side of polygons (m, k, 2)."""
     x, y = corners[..., 0], corners[..., 1]
-    return np.asarray((x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1))
+    return np.asarray(x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y)
+
+
+def turn(into: Array, out: Array) -> Array:
+    """Angle (...,) rad from vectors ``into`` (..., 2) to vectors ``out``; positive counter-clockwise."""
+    cross = into[..., 0] * out[..., 1] - into[..., 1] * out[..., 0]
+    return np.asarray(np.arctan2(cross, (into * out).sum(axis=-1)))
 
 
 def angles(corners: Array) -> Array:
-    """Angle (m, k) deg at each corner of counter-clockwise polygons (m, k, 2); below 0 where it turns back."""
-    out, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    turn = out[..., 0] * back[..., 1] - out[..., 1] * back[..., 0]
-    return np.asarray(np.degrees(np.arctan2(turn, (out * back).sum(axis=2))))
+    """Angle (m, k) rad at each corner of counter-clockwise polygons (m, k, 2); below 0 where it turns back."""
+    return turn(np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners)
 
 
 def report_on(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[str, int]) -> MeshReport:
@@ -188,7 +197,7 @@ def report_on(points: Array, cells: dict[str, NDArray[np.intp]], boundary: dict[
     lowest, highest, aspect, shortest = 180.0, 0.0, 1.0, math.inf
     for block in cells.values():
         corner = points[block]
-        angle, length = angles(corner), np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
+        angle, length = np.degrees(angles(corner)), np.linalg.norm(np.roll(corner, -1, axis=1) - corner, axis=2)
         lowest, highest = min(lowest, float(angle.min())), max(highest, float((angle % 360).max()))
         aspect = max(aspect, float((length.max(axis=1) / length.min(axis=1)).max()))
         shortest = min(shortest, float(length.min()))

@@ -178,7 +178,7 @@ def verdicts_of(result: Result) -> Iterator[Verdict]:
     if result.landings is None:
         return
     separation = result.landings.separation
-    for name, most in Scene.parse(result.scene).limit.asked.items():
+    for name, most in Scene.parse(result.scene).limit.by_name.items():
         kind, of = name.split(".")
         value = separation.loss[of] if kind == "loss" else separation.dirt[of]
         verdict = judged(result, value, most)

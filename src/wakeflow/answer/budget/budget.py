@@ -116,7 +116,7 @@ def _with_errors(flights: Flights) -> tuple[JointAnswer, dict[str, _OfBins], dic
 def _prices(pipeline: Pipeline) -> Prices | None:
     """The scene's prices, with the power of the fan that gives the air of the answer its pressure."""
     scene, price = pipeline.scene, pipeline.scene.price
-    if not price.asked:
+    if not price.given:
         return None
     values = price.by_bin({name: tuple(one.targets) for name, one in scene.fraction.items()})
     if price.electricity is None:

@@ -53,7 +53,7 @@ def _mapped(scene: Scene, typed: str, _: Path) -> Work:
 
 
 def _capacity(scene: Scene, typed: str, _: Path) -> Work:
-    axes, limits = _axes(scene, typed, (RATE,)), scene.limit.asked
+    axes, limits = _axes(scene, typed, (RATE,)), scene.limit.by_name
 
     def work(folder: Path, how: Mapping[str, Any]) -> str:
         curve, _ = capacity(scene, folder, feed=axes.get(RATE, ()), **how)

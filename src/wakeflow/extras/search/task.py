@@ -104,7 +104,7 @@ def _task(file: TaskFile, scene: Scene, held: Mapping[str, object], budget: obje
     if not goals:
         raise SceneError("search.maximise or search.minimise: name at least one quantity, such as 'recovery.wheat'")
     where = {name: _limit(name, ends) for name, ends in file.inside("where").items()}
-    limits = {name: QuantityLimit(name, most=most) for name, most in scene.limit.asked.items()}
+    limits = {name: QuantityLimit(name, most=most) for name, most in scene.limit.by_name.items()}
     task = SearchTask(
         scene, tuple(_within(file, held)), tuple(goals), _seconds(budget), tuple({**limits, **where}.values()),
         _levels(file.table.get("level", [{}]), held), file.whole_number("seed"),

@@ -238,7 +238,7 @@ def _operated(
         sweep, figure = made(machine, target, feed=rates, workers=options.workers, listener=listener, **how)
     if not options.quiet:
         show_sweep(sweep.table, sweep.folder)
-        limits = machine.limit.asked
+        limits = machine.limit.by_name
         if name == "capacity":
             print_lines(met_lines(met_up_to(sweep.table, limits), limits))
         else:

@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ...answer.result import Request
 from ...core.number import Number
 from ...core.quantities import say, speaking
-from ...core.record import columns, to_json, without_none
+from ...core.record import columns, to_json
 from ...scene import Fraction, Scene
 from ...scene.changes import flat
 from ...scene.messages import unit_of
+from ...scene.table import without_none
 from .. import words
 from ..plan_words import UNITS
 from ..words import NO_VALUE
