@@ -40,7 +40,7 @@ class LandingCells:
 
     @classmethod
     def of(cls, scene: Scene, fractions: int = 1, landed: Landed = ()) -> LandingCells:
-        """Of a ``scene`` as it is flown, for so many ``fractions``; short cells where granules ``landed``."""
+        """Cells of a ``scene`` as it is flown, for so many ``fractions``; short ones where granules ``landed``."""
         placed = scene.on_sides()
         ends, on = ({name: getattr(one, key) for name, one in placed.items()} for key in ("ends", "on"))
         fine = int(np.clip(MOST // max(1, fractions * len(set(on.values()))), 4, FINE))

@@ -46,7 +46,7 @@ def column(key: str) -> Array:
 
 
 def columns(keys: Iterable[str]) -> Array:
-    """Those of several keys (DRAWS, keys), cut off where draws of inputs are."""
+    """Columns of several keys (DRAWS, keys), cut off where draws of inputs are."""
     found = [np.clip(column(key), -FARTHEST, FARTHEST) for key in keys]
     return np.stack(found, axis=1) if found else np.zeros((DRAWS, 0))
 

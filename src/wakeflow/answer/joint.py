@@ -51,18 +51,18 @@ class JointAnswer(JointDraws):
 
     @property
     def own(self) -> Bins:
-        """Its numbers in its own bins."""
+        """Numbers of the answer in its own bins."""
         return self.moved({})
 
     def moved(self, ends: Ends) -> Bins:
-        """Its numbers with some bins between other ``ends`` (m). Raises SceneError as :meth:`.LandingCells.moved`."""
+        """Numbers with some bins between other ``ends`` (m). Raises SceneError as :meth:`.LandingCells.moved`."""
         whole = self.cells.moved(ends)
         names = (*self.cells.bins, RESERVED_BIN)
         return _lately(self._read, tuple(whole.items()), 5, lambda: Bins(self, self.cells.parts(whole), names))
 
     def between(self, side: str, stretches: Sequence[tuple[float, float]]) -> Bins:
-        """Its numbers in the bin PRODUCT, all that lands between the ends (m) of some ``stretches`` of a side that has
-        bins: landings on others are not told apart.
+        """Numbers of the answer in the bin PRODUCT, all that lands between the ends (m) of some ``stretches`` of a side
+        that has bins: landings on others are not told apart.
         """
         inside = self.cells.along_side(side, stretches)
         return Bins(self, np.stack([inside, 1.0 - inside], axis=1), (PRODUCT, RESERVED_BIN))
@@ -97,8 +97,8 @@ class Bins:
 
     @cached_property
     def _passed(self) -> Array:
-        """Of what each source adds to a bin of the run, the part (fractions, bins + 1, bins + 1) that is in each bin
-        here: as the mass in the run's bin is; where that is empty, as its cells are.
+        """Part (fractions, bins + 1, bins + 1) of what each source adds to a bin of the run that is in each bin here:
+        as the mass in the run's bin is; where that is empty, as its cells are.
         """
         own = self.joint.cells.parts()
         mass = self.joint.base[:, :, None] * own

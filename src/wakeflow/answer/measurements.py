@@ -96,7 +96,7 @@ def purchases(result: Result, name: str, number: Number, parts: Mapping[str, Inp
 
 
 def worth_measuring(result: Result) -> Iterator[tuple[str, Number, list[Purchase]]]:
-    """For each recovery and purity of a target: its name, its number, and the measurements that would narrow it."""
+    """Name and number of each recovery and purity of a target, and the measurements that would narrow it."""
     landings = result.landings
     if landings is None:
         return
@@ -195,7 +195,7 @@ def grouped(moves: Iterable[InputMove]) -> dict[str, list[InputMove]]:
 
 
 def least_sure(moves: Mapping[str, Sequence[InputMove]]) -> list[str]:
-    """Of each fraction the recovery; without one the share that its inputs move most, in squares."""
+    """Name of each fraction's recovery; without one that of the share that its inputs move most, in squares."""
     recovered = {name.split(".")[1]: name for name in moves if name.startswith("recovery.")}
     worst: dict[str, tuple[float, str]] = {}
     for name, members in moves.items():

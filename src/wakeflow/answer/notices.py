@@ -67,7 +67,7 @@ def flight_notices(
 
 
 def _unsettled(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
-    """Of a force on the air that more passes would change; of a single pass the whole effect is in the interval."""
+    """Notice of a force on the air that more passes would change; of one pass the whole effect is in the interval."""
     found, loading, passes = airflow.loading, pipeline.loading, scene.numerics.loading_passes
     if found is not None and loading is not None and passes > 1 and found.unanswered > loading.answered:
         yield less_sure(
@@ -77,7 +77,7 @@ def _unsettled(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[N
 
 
 def _off_the_fan(scene: Scene, airflow: Airflow) -> Iterator[Notice]:
-    """Of air whose speed is farther from the one at which its fan has it than its interval."""
+    """Notice of air whose speed is farther from the one at which its fan has it than its interval."""
     fan, speed = airflow.fan, 0.0 if scene.air is None else scene.air.speed
     if fan is not None and fan.off > max(1e-3 * speed, half_of(scene, "air.speed", "air_speed", speed)):
         meets = "nowhere" if math.isnan(fan.meets) else f"at {fan.meets:.3g} m/s"
@@ -88,7 +88,7 @@ def _off_the_fan(scene: Scene, airflow: Airflow) -> Iterator[Notice]:
 
 
 def _step_not_reached(slab: CollisionSummary, unit: str) -> Iterator[Notice]:
-    """Of a clock that errs by more than it was asked to: none that was tried is better by what a shorter step costs."""
+    """Notice of a clock that errs by more than was asked: no step tried is better by what a shorter one costs."""
     error, asked = slab.step_error, slab.step_asked
     if error > asked:
         yield less_sure(
@@ -99,7 +99,7 @@ def _step_not_reached(slab: CollisionSummary, unit: str) -> Iterator[Notice]:
 
 
 def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[Notice]:
-    """Of fractions whose first impact follows eq. (2): the granules that do not meet the body."""
+    """Notices of fractions whose first impact follows eq. (2): the granules that do not meet the body."""
     for name, met in tracked.injected.items():
         count = round(tracked.landings[name].size)
         if pipeline.plan.fractions[name].mode == "injected" and met < count:
@@ -110,8 +110,8 @@ def _passing(pipeline: Pipeline, tracked: Tracked) -> Iterator[Notice]:
 
 
 def _out_of_the_top(scene: Scene, tracked: Tracked) -> Iterator[Notice]:
-    """Of the fractions that leave the channel above the feed: what upward air carries into the bin that stands there
-    for it, and what no bin counts, carried or thrown.
+    """Notices of the fractions that leave the channel above the feed: what upward air carries into the bin that stands
+    there for it, and what no bin counts, carried or thrown.
     """
     carried = scene.air is not None and scene.air.rises
     how = "leaves through the top with the air" if carried else "is thrown out through the top"
@@ -145,7 +145,7 @@ def _captured(ended: Mapping[str, Mapping[str, int]]) -> Iterator[Notice]:
 
 
 def _airflow_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
-    """Of a solved airflow, or of the user's own: what it does not settle, how it was solved, where it ends."""
+    """Notices of a solved airflow, or the user's own: what it does not settle, how it was solved, where it ends."""
     resolves, notes = pipeline.plan.airflow.resolves, list(airflow.notes or ())
     if resolves and airflow.verdict != "steady":
         why = notes.pop(0) if notes else f"the steady airflow does not settle ({airflow.verdict})"

@@ -52,8 +52,8 @@ class _Fed(NamedTuple):
 def partition_curves(
     scene: Scene, plan: Plan, landings: Mapping[str, Landings], answer: Bins | None = None
 ) -> tuple[PartitionCurve, ...]:
-    """Of every product the curve by size and by terminal velocity; none by a property that all granules share. Without
-    the joint ``answer`` bands are of the finite number of granules alone.
+    """Curve of every product by size and by terminal velocity; none by a property that all granules share. Without the
+    joint ``answer`` bands are of the finite number of granules alone.
 
     Products are the targets of the fractions; in a scene without targets every bin.
     """
@@ -97,7 +97,7 @@ def _curve(
     count, samples, fractions = int(group.max()) + 1, int(fed.sample.max()) + 1, int(fed.fraction.max()) + 1
 
     def masses(weight: Array, of: Numbers, many: int) -> Array:
-        """By class, and by what ``of`` says."""
+        """Masses by class, and by what ``of`` says."""
         return np.asarray(np.bincount(group * many + of, weight, count * many).reshape(count, many), dtype=float)
 
     whole, landed = masses(fed.mass, fed.sample, samples), masses(fed.mass * inside, fed.sample, samples)

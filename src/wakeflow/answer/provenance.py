@@ -27,7 +27,7 @@ class Provenance:
     host: str = column("", "name of the machine")
     system: str = column("", "its operating system and processor")
     cores: int = column("1", "processors that the run could use")
-    seed: int = column("1", "of the granules' random numbers")
+    seed: int = column("1", "seed of the granules' random numbers")
     openfoam: Annotated[str, Null("")] = column("", "version of the OpenFOAM that solved the air; null where none did")
     commit: Annotated[str, Null("")] = column(
         "", "git commit of the program, + where its files differ; null outside a repository"
@@ -35,7 +35,7 @@ class Provenance:
 
 
 def provenance_of(scene: Scene, solver: str) -> Provenance:
-    """Of a run that is made now; ``solver``: the version of the OpenFOAM that solved its air, empty where none did."""
+    """Provenance of a run made now; ``solver``: version of the OpenFOAM that solved its air, empty where none did."""
     return Provenance(
         date=datetime.now().astimezone().isoformat(timespec="seconds"),
         command=shlex.join([Path(sys.argv[0]).name or "python", *sys.argv[1:]]),
@@ -64,7 +64,7 @@ def commit_of(folder: Path) -> str:
 class RefinedSettings:
     """The numbers of a scene that time is spent on."""
 
-    granules: int = column("1", "tracked per fraction: feed.count")
+    granules: int = column("1", "granules tracked per fraction: feed.count")
     tolerance: float = column("body widths", "landing error of the tracker: numerics.tolerance")
     mesh_scale: float | None = column("1", "factor on every cell edge: numerics.mesh_scale; null without a mesh")
     averaging: float | None = column(
@@ -82,7 +82,7 @@ class RefinementRound:
     expected: Annotated[float, Null(nan)] = column(
         "1", "largest error by computing that was expected; null of the first round"
     )
-    found: float = column("1", "the same, found: of the bin shares that computing can bring to the target")
+    found: float = column("1", "largest one found, of the bin shares that computing can bring to the target")
     expected_seconds: Annotated[float, Null(nan)] = column("s", "run time that was expected; null of the first round")
     seconds: float = column("s", "run time of the stages that no round before had made")
 

@@ -307,7 +307,7 @@ class Response:
 
     @cached_property
     def _scatter(self) -> dict[int, tuple[Array, Array, Whole]]:
-        """Of the granules (G) on each side their places (R, G) as they scatter near each flown draw, what each knot's
+        """Places (R, G) of the granules (G) on each side as they scatter near each flown draw, what each knot's
         displacement counts for (J, G), and their cells (G,). The same choice for every draw, so that the cells change
         with z alone.
         """

@@ -53,7 +53,7 @@ class Request:
     """How the run was asked for: all options that are not in its scene."""
 
     until: str | None = column("", "the last stage; null for all")
-    rung: str | None = column("", "instead of the scene's own; null for that")
+    rung: str | None = column("", "rung instead of the scene's own; null for that")
     force: dict[str, bool] = column("", "terms switched by hand")
     target_error: float | None = column("1", "error of a share instead of the scene's own; null for that")
     near: str | None = optional(
@@ -98,7 +98,7 @@ class Calibration:
 
     source: str = column("", "where the measured shares are from")
     conflict: str = column("", "what the scene says that contradicts them; empty where nothing does")
-    agreement: str = column("", "of the shares with what was known before them, in a sentence")
+    agreement: str = column("", "agreement of the shares with what was known before them, in a sentence")
 
 
 FLAT = {"flights": FlightResults, "landings": LandingResults}  # parts whose keys are among those of result.json
@@ -109,7 +109,7 @@ class PictureSummary:
     """A picture that the scene asked for."""
 
     kind: str = column("", "kind of picture")
-    files: tuple[str, ...] = column("", "in figures/, the PNG first")
+    files: tuple[str, ...] = column("", "files in figures/, the PNG first")
     text: str = column("", "what it shows, with its numbers")
     numbers: JsonTable = column("as the picture", "its numbers, by the kind of picture")
 
@@ -131,16 +131,16 @@ class Result(WithShares):
     mesh: MeshReport | None = optional("", "the mesh; left out without air")
     flights: FlightResults | None = column("", "left out of a run that ends before the tracks", flat=True)
     landings: LandingResults | None = column("", "left out of a run that ends before the shares", flat=True)
-    limits: tuple[Verdict, ...] = column("", "of every limit of the scene, whether it is kept", default=())
+    limits: tuple[Verdict, ...] = column("", "whether each limit of the scene is kept", default=())
     warnings: tuple[str, ...] = column("", "what a user must know, the gravest first")
     grades: tuple[str, ...] = column("", GRADES)
     seconds: dict[str, StageTime] = column("", "every stage by name, with the label of its airflow before it")
-    versions: dict[str, str] = column("", "of python and of the packages")
+    versions: dict[str, str] = column("", "versions of python and of the packages")
     key: str = column("", "fingerprint of all that the answer depends on")
     pictures: dict[str, PictureSummary] | None = optional("", "what the scene asked for; left out before the tracks")
     provenance: Provenance = column("", "when, where and with what it was made")
     calibration: Calibration | None = optional(
-        "", "of an answer that measured shares were put into; left out of any other"
+        "", "calibration of an answer that measured shares were put into; left out of any other"
     )
     refinement: Refinement | None = optional("", "how a target error was met; left out of a run without one")
 
@@ -215,7 +215,7 @@ class Result(WithShares):
             raise SceneError(f"{file} is damaged; {cure}") from None
 
     def with_joint(self, joint: JointAnswer) -> Self:
-        """The same with its shares jointly, before they are in its folder."""
+        """This result with its shares jointly, before they are in its folder."""
         vars(self)["joint"] = joint
         return self
 

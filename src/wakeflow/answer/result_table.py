@@ -162,7 +162,7 @@ class Entry:
 
     @cached_property
     def joint(self) -> JointAnswer | None:
-        """Its shares jointly; None of a scene without a run, or of one that ended before them."""
+        """Shares of the scene jointly; None without a run, or where that ended before them."""
         result = None if self.folder is None else Result.load(self.folder)
         return None if result is None or result.landings is None else result.joint
 
@@ -325,7 +325,7 @@ class Difference(Number):
 
 
 def differences_of(entries: Sequence[Entry]) -> Iterator[Difference]:
-    """Those of every later entry from the first, quantity by quantity."""
+    """Differences of every later entry from the first, quantity by quantity."""
     for entry in entries[1:]:
         found = (difference_of(entries[0], entry, one.name) for one in entry.quantities)
         yield from (one for one in found if one is not None)

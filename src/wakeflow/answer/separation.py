@@ -1,4 +1,4 @@
-"""From landings to the answer: what the granules say of all shares, and what the flown draws say of its inputs."""
+"""Shares out of landings: what the granules say of all shares, and what the flown draws say of its inputs."""
 
 from __future__ import annotations
 

@@ -33,20 +33,20 @@ def optional(unit: str, meaning: str, default: object = None) -> Any:
 class CollisionSummary:
     """The slab of hard spheres that the shares with collisions come from."""
 
-    depth: float = column("m", "of the slab across the picture, periodic")
+    depth: float = column("m", "depth of the slab across the picture, periodic")
     replicates: int = column("1", "independent runs of the slab that flew, of those of the plan")
-    start_up: float = column("s", "dropped at the beginning of each")
+    start_up: float = column("s", "time dropped at the beginning of each")
     granules: dict[str, int] = column("1", "granules, or tracers, of each fraction that landed and count")
     tracers: dict[str, float] = column("1", "share of each fraction's mass, its finest granules, that flew as tracers")
-    meetings: dict[str, float] = column("1", "with other granules on a flight, mean over each fraction's mass")
+    meetings: dict[str, float] = column("1", "meetings with other granules on a flight, mean over each fraction's mass")
     fates: dict[str, dict[str, int]] = column("1", "granules of each fraction by how their track ended")
-    step: float = column("s", "of its clock")
+    step: float = column("s", "step of its clock")
     step_error: Annotated[float, Null(nan)] = column(
         "as plan.unit", "how far nine of ten granules that meet nobody land from where far finer flights do, at most"
     )
     jammed: int = column("1", "replicates in which granules that lie still became more as long as it was fed")
     step_asked: Annotated[float, Null(nan)] = column(
-        "as plan.unit", "the same, as the step was asked for: larger ones are a notice", default=nan
+        "as plan.unit", "such a distance as was asked for: a larger one is a notice", default=nan
     )
     step_trials: int | None = column("1", "steps that were tried", default=None)
 
@@ -99,10 +99,10 @@ class PartitionCurve:
 
     product: tuple[str, ...] = column("", "the bins that make it: targets of a fraction, or one bin")
     by: str = column("", "the property: size or terminal velocity")
-    unit: str = column("", "of the property: m or m/s")
+    unit: str = column("", "unit of the property: m or m/s")
     at: tuple[float, ...] = column("as unit", "the property's mean, by mass, in each class of granules")
     mass: tuple[float, ...] = column("1", "share of the feed's mass in each class")
-    share: tuple[float, ...] = column("1", "of each class, what lands in the product")
+    share: tuple[float, ...] = column("1", "part of each class that lands in the product")
     low: tuple[float, ...] = column("1", "lower end of its 95 % interval")
     high: tuple[float, ...] = column("1", "upper end of it")
     cut: Number | None = column("as unit", "x50, with the interval that the band gives; null where there is none")
@@ -122,9 +122,9 @@ class PartitionCurve:
 class Prices:
     """What the answer is valued with."""
 
-    value: dict[str, dict[str, float]] = column("EUR/t", "of each fraction by bin; nothing where left out")
-    fan_power: float | None = column("W", "that the fan draws; null where it is not known, and without a price of it")
-    electricity: float | None = column("EUR/kWh", "of the fan; null without a price of it")
+    value: dict[str, dict[str, float]] = column("EUR/t", "worth of each fraction by bin; nothing where left out")
+    fan_power: float | None = column("W", "power of the fan; null where it is not known, and without a price of it")
+    electricity: float | None = column("EUR/kWh", "price of the fan's electricity; null without one")
 
     @property
     def fan(self) -> float | None:
@@ -140,7 +140,7 @@ class Money:
 
     products: Number = column("EUR/h", "worth of what lands where it has a price")
     fan: float | None = column("EUR/h", "electricity of the fan; null where its pressure drop is not known")
-    fan_power: float | None = column("W", "that the fan draws; null as fan, and without a price of electricity")
+    fan_power: float | None = column("W", "power of the fan; null as fan, and without a price of electricity")
     total: Number | None = column("EUR/h", "the products less the fan; null as fan")
 
 
@@ -152,17 +152,17 @@ class Separation:
     fractions: dict[str, dict[str, Number]] = column("1", "share of each fraction in each bin; they sum to 1")
     purity: dict[str, dict[str, Number] | None] = column("1", "share of each fraction in a bin's mass; null if empty")
     recovery: dict[str, Number | None] = column("1", "share of each fraction in its targets; null without a target")
-    throughput: dict[str, float] = column("kg/h", "of all fractions into each bin")
+    throughput: dict[str, float] = column("kg/h", "mass flow of all fractions into each bin")
     loss: dict[str, Number | None] = column(
         "1", "share of each fraction outside its targets, elsewhere too; null without a target", default=dict
     )
-    lost: dict[str, Number | None] = column("kg/h", "the same as a rate", default=dict)
+    lost: dict[str, Number | None] = column("kg/h", "loss as a rate", default=dict)
     dirt: dict[str, Number | None] = column(
         "1", "share of a bin's mass that is of fractions whose target it is not; null where it is nobody's target, or "
         "empty", default=dict,
     )  # fmt: skip
     cut: tuple[PartitionCurve, ...] = column("", "which granules go into each product", default=())
-    money: Money | None = optional("", "left out of a scene without prices")
+    money: Money | None = optional("", "earnings of the setting; left out of a scene without prices")
 
     def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin, by mass, with its 95 % interval: (value, low, high).
@@ -180,7 +180,7 @@ class WithShares:
         raise NotImplementedError
 
     def share(self, fraction: str, place: str) -> Number:
-        """As :meth:`Separation.share`; raises SceneError also where there are no shares."""
+        """Share as of :meth:`Separation.share`; raises SceneError also where there are no shares."""
         return self._shares.share(fraction, place)
 
     def recovery(self, fraction: str) -> Number:
@@ -237,14 +237,14 @@ class BudgetPart:
     error: float | None = column("1 or the row's unit", "size of the error; null where unknown", default=None)
     seconds: float = column("s", "run time that knowing it took", default=0.0)
     how: How = column("", "measured, companion, calibrated or unknown", default=UNKNOWN)
-    kind: str = optional("", "of a term: left-out (small enough) or not-computed; else left out", default="")
-    low: float | None = optional("1", "of inputs: lower end of what they change; else left out")
-    high: float | None = optional("1", "of inputs: upper end of what they change; else left out")
+    kind: str = optional("", "kind of a term: left-out (small enough) or not-computed; else left out", default="")
+    low: float | None = optional("1", "lower end of what inputs change; else left out")
+    high: float | None = optional("1", "upper end of what inputs change; else left out")
     of_granules: float | None = optional(
-        "1", "of the mesh: what a finite number of granules makes of it; else left out"
+        "1", "part of the mesh's error that a finite number of granules makes; else left out"
     )
     of_sheddings: float | None = optional(
-        "1", "of the mesh: what a finite number of shedding cycles makes of it; else left out"
+        "1", "part of the mesh's error that a finite number of shedding cycles makes; else left out"
     )
     note: str = optional("", "how the error is known; left out where nothing does", default="")
 
@@ -260,9 +260,9 @@ class BudgetTotal:
 
     error: float | None = column("1 or the row's unit", "null: a part is of unknown size, and `note` says what to do")
     seconds: float = column("s", "run time of everything that the row rests on")
-    low: float | None = optional("1", "of a share: lower end, of all known parts")
-    high: float | None = optional("1", "of a share: upper end, of all known parts")
-    numerical: float | None = optional("1", "of a share: half by computing alone")
+    low: float | None = optional("1", "lower end of a share's interval, of all known parts")
+    high: float | None = optional("1", "upper end of a share's interval, of all known parts")
+    numerical: float | None = optional("1", "half of a share's interval by computing alone")
     note: str = optional("", "what is unknown or only a bound; else left out", default="")
 
 
@@ -271,7 +271,7 @@ class BudgetRow:
     """The error of one quantity by its sources."""
 
     quantity: str = column("", "share.FRACTION.BIN or landing.FRACTION")
-    unit: str | None = column("", "of the errors; null where it is 1")
+    unit: str | None = column("", "unit of the errors; null where it is 1")
     parts: tuple[BudgetPart, ...] = column("", "what each source contributes")
     total: BudgetTotal = column("", "the sum")
 
@@ -319,7 +319,7 @@ class InputPart:
 class InputSummary(Number):
     """A number of the scene that is not known exactly, as it was drawn."""
 
-    unit: str = column("", "of the number and its interval")
+    unit: str = column("", "unit of the number and its interval")
     why: str = column("", "what the interval rests on")
 
     @classmethod
@@ -332,7 +332,7 @@ class InputSummary(Number):
 class JointSource:
     """A source of error in the joint answer."""
 
-    name: str = column("", "as in the budget; lack of fit: of the response to the inputs, between the flown draws")
+    name: str = column("", "name as in the budget; lack of fit: of the response to the inputs, between the flown draws")
     computing: bool = column("", "whether finer computing makes it smaller")
     bounded: bool = column("", "whether only its bounds are known")
     shared: bool = column("", "whether its draw is the same in every run")
@@ -345,18 +345,18 @@ class JointRecord:
     taken.
     """
 
-    draws: int = column("1", "how many there are")
-    fractions: tuple[str, ...] = column("", "in the order of the arrays")
+    draws: int = column("1", "number of the draws")
+    fractions: tuple[str, ...] = column("", "fractions in the order of the arrays")
     targets: dict[str, tuple[str, ...]] = column("", "bins where each fraction should land")
-    inputs: tuple[str, ...] = column("", "their keys, in the order of the arrays")
-    bins: tuple[str, ...] = column("", "in the order of the arrays; elsewhere comes last")
+    inputs: tuple[str, ...] = column("", "keys of the inputs, in the order of the arrays")
+    bins: tuple[str, ...] = column("", "bins in the order of the arrays; elsewhere comes last")
     on: dict[str, str] = column("", "side of the channel of each bin that lies on one")
-    ends: dict[str, tuple[float, float]] = column("m", "from and to of these")
+    ends: dict[str, tuple[float, float]] = column("m", "from and to of the bins that lie on a side")
     images: Annotated[tuple[int, ...], Null(())] = column("", "place of each bin's mirror image; null without one")
-    flow: float = column("kg/s", "of the feed")
+    flow: float = column("kg/s", "mass flow of the feed")
     sources: tuple[JointSource, ...] = column("", "what adds to the shares beside the inputs")
     salt: str = column("", "what makes this run's draws of them its own")
-    prices: Prices | None = optional("", "left out of a scene without prices")
+    prices: Prices | None = optional("", "prices of the scene; left out of a scene without prices")
 
 
 @dataclass(frozen=True)
@@ -371,15 +371,15 @@ class LandingResults:
     )
     budget: tuple[BudgetRow, ...] = column("", "the error of every share and landing place")
     without_collisions: Separation | None = optional(
-        "", "the same of granules that meet no others; left out where the answer is that"
+        "", "answer of granules that meet no others; left out where the answer is that"
     )
-    slab: CollisionSummary | None = optional("", "where collisions were computed; left out where granules fly alone")
+    slab: CollisionSummary | None = optional("", "slab where granules meet; left out where granules fly alone")
     air_loading: dict[str, dict[str, LoadingEffect]] = optional(
-        "1", "by fraction and bin, what the granules' force does in the steady airflow, each granule alone; left out "
+        "1", "effect of the granules' force in the steady airflow by fraction and bin, each granule alone; left out "
         "where the air does not feel them", default=dict,
     )  # fmt: skip
     three_dimensions: dict[str, dict[str, Number]] = optional(
-        "1", "by fraction and bin, the share in a run in three dimensions of the same machine, each granule alone, "
+        "1", "share by fraction and bin in a run in three dimensions of the same machine, each granule alone, "
         "under the granules' force on the air where that was run; how far it is from the plane air's is in the "
         "interval; left out where there is none", default=dict,
     )  # fmt: skip
@@ -387,13 +387,13 @@ class LandingResults:
         "", "numbers of the scene that are not known exactly, by key; left out where all are", default=dict
     )
     measure_next: dict[str, dict[str, dict[str, InputPart]]] = optional(
-        "", "by fraction and bin, what each of them does to the share, the largest first", default=dict
+        "", "what each of them does to the share by fraction and bin, the largest first", default=dict
     )
     of_targets: dict[str, dict[str, InputPart]] = optional(
-        "", "by recovery.FRACTION and purity.BIN.FRACTION of targets, what each of them does to it, the 64 largest "
+        "", "what each of them does to recovery.FRACTION and purity.BIN.FRACTION of targets, the 64 largest "
         "first", default=dict,
     )  # fmt: skip
-    joint: JointRecord | None = optional("", "of the ensemble in joint.npz")
+    joint: JointRecord | None = optional("", "names of the ensemble in joint.npz")
 
 
 class Standing(StrEnum):
@@ -405,7 +405,7 @@ class Standing(StrEnum):
 
     @classmethod
     def of(cls, low: float, high: float, most: float) -> Standing:
-        """Of a number whose interval ends at ``low`` and ``high`` and that is to be at most so much."""
+        """Standing of a number whose interval ends at ``low`` and ``high`` and that is to be at most so much."""
         return cls.MET if high <= most else cls.NOT_MET if low > most else cls.OPEN
 
 
@@ -420,7 +420,7 @@ class Verdict:
     most: float = column("1", "the limit")
     value: Number | None = column("1", "what the answer says of it; null where nothing lands in the bin")
     verdict: Standing = column("", "met: the whole interval is below the limit; not met: above; open: neither is known")
-    decides: str = column("", "of an open one: what would decide; empty of the others")
+    decides: str = column("", "what would decide an open one; empty of the others")
 
 
 WEIGHTY, MAX_NAMED = 0.1, 3  # part of the variance from which an unknown is named, and how many are
@@ -432,7 +432,7 @@ def weightiest(parts: Mapping[str, InputPart]) -> list[tuple[str, InputPart]]:
 
 
 def least_certain(landings: LandingResults) -> dict[str, tuple[str, dict[str, InputPart]]]:
-    """Of each fraction the bin whose share the unknown numbers move most, and what each of them does, largest first."""
+    """By fraction, the bin whose share the unknown numbers move most, and what each of them does, largest first."""
     return {
         name: max(places.items(), key=lambda one: sum(part.half**2 for part in one[1].values()))
         for name, places in landings.measure_next.items()

@@ -1,4 +1,4 @@
-"""From landings to the answer: which share of each fraction lands in which bin, by mass, with 95 % intervals.
+"""Spread of landings: which share of each fraction lands in which bin, by mass, with 95 % intervals.
 
 Two samples are behind a share: the granules, in independent replicates, and the airflow, in cycles of the shedding
 that the stored field holds (or late states, or layers of a record). Every replicate is released in every cycle of its
@@ -103,7 +103,7 @@ class Tally(NamedTuple):
 
     @property
     def spread(self) -> Spread:
-        """Of the share."""
+        """Spread of the share."""
         return spread_of(self.deviations, self.realisation, self.chance)
 
 

@@ -44,7 +44,7 @@ def number(name: str, value: object, unit: str = "1") -> float:
 
 
 def whole(name: str, values: ArrayLike) -> NDArray[np.int64]:
-    """The same of whole numbers alone."""
+    """Whole numbers as an array. Raises SceneError as :func:`numbers` does, and for any other number."""
     result = numbers(name, values)
     if not (result == np.rint(result)).all():
         raise SceneError(f"{name}: needs an array of integers")
@@ -103,7 +103,7 @@ def _floats(values: Any, unit: str) -> Array:
 
 
 def _of_array(array: NDArray[Any], values: Any, unit: str) -> Array:
-    """The same of what numpy makes of ``values``."""
+    """Numbers in ``unit`` of the ``array`` that numpy makes of ``values``."""
     if isinstance(values, date) or array.dtype.kind == "M":
         raise SceneError("dates are no numbers; give the time since the first of them")
     if array.dtype.kind == "m" and np.datetime_data(array.dtype)[0] != "generic":

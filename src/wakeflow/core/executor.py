@@ -231,7 +231,7 @@ class Cluster(Executor):
         return result
 
     def on(self, ranks: int) -> Cluster:
-        """The same cluster for a task of so many MPI processes; one that needs only one may run on any worker.
+        """This cluster for a task of so many MPI processes; one that needs only one may run on any worker.
 
         Raises SceneError where there are workers and none of them may run it: it would wait forever.
         """
@@ -288,7 +288,7 @@ class Cluster(Executor):
 
 
 class _Lost(WakeflowError):
-    """Nobody knows what becomes of the tasks. No ProgramError: it is not the task that failed."""
+    """The tasks are lost: nobody knows what becomes of them. No ProgramError: it is not the task that failed."""
 
 
 _here: dict[TaskPlace, Workers] = {}  # the processes of this Dask worker, by where they work
@@ -297,7 +297,7 @@ _here: dict[TaskPlace, Workers] = {}  # the processes of this Dask worker, by wh
 def _call_here(
     place: TaskPlace, function: Callable[..., Any], arguments: tuple[Any, ...], options: dict[str, Any]
 ) -> Any:
-    """On a Dask worker: call ``function`` in a process of its own that works in ``place``; such processes are kept.
+    """Call ``function`` on a Dask worker, in a process of its own that works in ``place``; such processes are kept.
 
     Raises ProgramError where this machine does not see the place, and as :class:`Workers` does.
     """
@@ -315,7 +315,7 @@ def _call_here(
 
 
 def _end_here(place: TaskPlace) -> None:
-    """On a Dask worker: end the processes that work in ``place``, whatever they do."""
+    """End the processes of a Dask worker that work in ``place``, whatever they do."""
     if workers := _here.pop(place, None):
         workers.end()
 

@@ -293,7 +293,7 @@ def halved(before: Callable[[float], Any], low: float, high: float, halvings: in
 def halved_all(
     before: Callable[[Array], NDArray[np.bool_]], low: Array, high: Array, halvings: int
 ) -> tuple[Array, Array]:
-    """The same for n brackets (n,) at once: ``before`` takes the middles (n,) and tells each one's side (n,)."""
+    """Halve n brackets (n,) at once: ``before`` takes the middles (n,) and tells each one's side (n,)."""
     for _ in range(halvings):
         middle = 0.5 * (low + high)
         holds = before(middle)

@@ -43,6 +43,6 @@ def information(text: str) -> Notice:
 
 
 def gravest_first(notices: Iterable[Notice]) -> tuple[Notice, ...]:
-    """Each once, the gravest first, those of a grade in the order in which they come."""
+    """Order notices, each once: the gravest first, those of a grade in the order in which they come."""
     grades = list(Grade)
     return tuple(sorted(dict.fromkeys(notices), key=lambda notice: grades.index(notice.grade)))

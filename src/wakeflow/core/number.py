@@ -51,7 +51,7 @@ class Number:
 
     @property
     def ends(self) -> tuple[float | None, float | None]:
-        """Low and high, for tables: None for what is not known."""
+        """Low and high end, for tables: None for what is not known."""
         return self.low if math.isfinite(self.low) else None, self.high if math.isfinite(self.high) else None
 
     @property
@@ -100,7 +100,7 @@ def percent(number: Number | None, *, void: bool = False) -> str:
 
 
 def _whole(text: str) -> str:
-    """None and all of a whole without decimals."""
+    """Drop the decimals of none and all of a whole: 0 and 100 percent."""
     return f"{float(text):.0f}" if float(text) in (0.0, 100.0) else text
 
 

@@ -160,7 +160,7 @@ def _kind(unit: Unit) -> Unit:
 
 @contextmanager
 def speaking(units: Mapping[str, str]) -> Iterator[None]:
-    """Within this context :func:`say` uses ``units``: the user's unit for a unit of the SI, {"m": "mm"}."""
+    """Let :func:`say` use ``units`` within this context: the user's unit for a unit of the SI, {"m": "mm"}."""
     before = _SPOKEN.set(units)
     try:
         yield

@@ -146,8 +146,8 @@ def listed_in(folder: Path) -> Mapping[str, str]:
 
 @contextmanager
 def cache_in_use(root: Path, *, alone: bool = False) -> Iterator[bool]:
-    """While the block runs nobody removes finished stages of the cache; or ``alone``: nobody reads any, and whether
-    that is so; the block runs either way.
+    """Keep others from removing finished stages of the cache while the block runs; or ``alone``: from reading any, and
+    yield whether that is so; the block runs either way.
     """
     root.mkdir(parents=True, exist_ok=True)
     handle = -1

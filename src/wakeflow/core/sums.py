@@ -58,7 +58,7 @@ def note(folder: Path, files: Iterable[Path], *, anew: bool = True) -> None:
 
 @contextmanager
 def _one_at_a_time(folder: Path) -> Iterator[None]:
-    """While the block runs no other process is in one for this folder, where the file system can lock."""
+    """Keep other processes out of such a block for this folder, where the file system can lock."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         with suppress(OSError):
@@ -86,8 +86,8 @@ def refuse_foreign(folder: Path, files: Iterable[Path], command: str) -> None:
 
 
 def claim(folder: Path, files: Iterable[Path], command: str) -> None:
-    """As :func:`refuse_foreign`, for what is added to the folder of a finished run; one of an earlier version has no
-    list, and everything in it passes. Raises SceneError too where a link leads out of the folder.
+    """Refuse files as :func:`refuse_foreign`, for what is added to the folder of a finished run; one of an earlier
+    version has no list, and everything in it passes. Raises SceneError too where a link leads out of the folder.
     """
     if (made_folder(folder) / SUMS).exists() or not (folder / RESULT).exists():
         refuse_foreign(folder, files, command)
@@ -95,9 +95,9 @@ def claim(folder: Path, files: Iterable[Path], command: str) -> None:
 
 @contextmanager
 def writing(folder: Path, files: Callable[[], Iterable[Path]], command: str) -> Iterator[None]:
-    """While the block runs a ``command`` writes ``files`` of a folder; they are asked for and noted when it has ended.
-    Where it ends by an exception, what is listed stays as it is, so that no damage of it is noted. What no run wrote is
-    refused before (:func:`refuse_foreign`, :func:`claim`).
+    """Note ``files`` of a folder that a ``command`` writes in the block; they are asked for and noted when it has
+    ended. Where it ends by an exception, what is listed stays as it is, so that no damage of it is noted. What no run
+    wrote is refused before (:func:`refuse_foreign`, :func:`claim`).
     """
     begun = folder / f"{BEGUN}{command}"
     _append(begun, "")

@@ -159,7 +159,7 @@ class Body:
 
     @property
     def reach(self) -> Array:
-        """Its largest displacement (2,) m; zeros at rest."""
+        """Largest displacement (2,) m of the body; zeros at rest."""
         return np.zeros(2) if self.motion is None else self.motion.reach(self.outline)
 
     @property

@@ -176,7 +176,7 @@ def _fly_all(flight: Packed, tracks: Tracks, workers: int, progress: Callable[[i
 def _fly_colliding(
     flight: Packed, tracks: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object]
 ) -> Tracks:
-    """The same granules as a crowd, in the lab; far finer flights of a sample, each granule alone, judge its step."""
+    """Fly the granules as a crowd, in the lab; far finer flights of a sample, each granule alone, judge its step."""
     from .collisions.slab_driver import Slab, fly_colliding
 
     def alone(rows: NDArray[np.int64], forces: Sequence[str]) -> Tracks:

@@ -145,7 +145,7 @@ class Granules:
         return self._unchecked({name: v[chosen] for name, v in vars(self).items() if isinstance(v, np.ndarray)})
 
     def replace(self, **changes: Any) -> Granules:
-        """The same granules with some properties replaced, which alone are checked where their number stays."""
+        """These granules with some properties replaced, which alone are checked where their number stays."""
         if np.shape(changes.get("position", self.position)) != self.position.shape or changes.keys() - set(PROPERTIES):
             return Granules(**(vars(self) | changes))
         made = self._unchecked(changes)

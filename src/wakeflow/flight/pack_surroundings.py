@@ -1,4 +1,4 @@
-"""From field, bodies and lines to the plain arrays of the kernel."""
+"""Pack field, bodies and lines into the plain arrays of the kernel."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class WakeEntry:
 
     @property
     def given(self) -> Number:
-        """Its :attr:`number`: the middle of what was found, and its own error on either side.
+        """Estimate of :attr:`number`: the middle of what was found, and its own error on either side.
 
         A coarser mesh is no measurement of its own: what it differs by is an error of the finer one.
         """
@@ -102,7 +102,7 @@ class WakeEntry:
         return Number(middle, middle - half, middle + half)
 
     def _place(self, x: float) -> float:
-        """Between the ends, 0 the steady and 1 the resolved one; straight through what the blend itself gave."""
+        """Place between the ends, 0 the steady and 1 the resolved one; straight through what the blend itself gave."""
         if not self.between:
             return (x - self.steady) / (self.resolved - self.steady)
         theta, value = np.array([(0.0, self.steady), *self.between, (1.0, self.resolved)]).T

@@ -131,7 +131,7 @@ def drag_table(law: str, sphericity: float = 1.0) -> Array:
 
 @lru_cache(maxsize=64)
 def _table(factor: Callable[..., Array], sphericity: float) -> Array:
-    """The same of a law's ``factor``: a law that is registered anew has a table of its own."""
+    """Make the table of a law's ``factor``: a law that is registered anew has a table of its own."""
     low, high = TABLE_DECADES
     cells = (high - low) * TABLE_CELLS
     w = 0.5 - 0.5 * np.cos(np.pi * (2 * np.arange(4) + 1) / 8)

@@ -231,7 +231,7 @@ def _not_there(table: Mapping[str, Any]) -> list[str]:
 
 
 def _not_known(table: Mapping[str, Any]) -> list[str]:
-    """Each key of a material's table that none has."""
+    """Mistakes of a material's table: each key that no material has."""
     given: list[tuple[str, str, tuple[str, ...]]] = [
         ("", key, (*KNOWN, "confidence", "source", "also")) for key in table
     ]

@@ -32,11 +32,11 @@ class FanPoint:
     """Where a fan's curve meets the machine's pressure drop."""
 
     speed: Number = column("m/s", "mean of the air in the channel; from the least to the largest drop of the channel")
-    flow: float = column("m3/s", "through the fan")
-    pressure: float = column("Pa", "that the fan gives")
-    channel: float = column("Pa", "of that for the channel and its bodies")
-    rest: float = column("Pa", "of that for what else the air passes")
-    feed: float = column("Pa", "of that for the weight of the feed that the air bears; negative where that drives it")
+    flow: float = column("m3/s", "flow through the fan")
+    pressure: float = column("Pa", "pressure that the fan gives")
+    channel: float = column("Pa", "part of that for the channel and its bodies")
+    rest: float = column("Pa", "part of that for what else the air passes")
+    feed: float = column("Pa", "part for the weight of the feed that the air bears; negative where that drives it")
     others: int = column("1", "lower flows at which the curves meet too: there the fan may stall, or the feed settle")
 
     @property

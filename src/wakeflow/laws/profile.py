@@ -23,13 +23,13 @@ profiles: Registry[Callable[..., Array]] = Registry("curtain profile")
 
 @profiles.register("uniform")
 def uniform(p: Array, width: float) -> Array:
-    """The same everywhere: a slot, a vibrating feeder's edge."""
+    """Mass spread evenly over the width: a slot, a vibrating feeder's edge."""
     return width * (np.asarray(p) - 0.5)
 
 
 @profiles.register("triangular")
 def triangular(p: Array, width: float) -> Array:
-    """Falls off linearly from the middle to nothing at the edges; twice as dense in the middle as the mean."""
+    """Mass that falls off linearly from the middle to nothing at the edges; there twice as dense as in the mean."""
     below = np.minimum(p, 1.0 - np.asarray(p))
     return 0.5 * width * np.copysign(1.0 - np.sqrt(2.0 * below), np.asarray(p) - 0.5)
 

@@ -51,7 +51,7 @@ restitution_laws: Registry[RestitutionLaw] = Registry("restitution law")
 
 
 def _smooth(**parameters: Any) -> Sequence[float]:
-    """No kinks."""
+    """Speeds where the slope of e jumps: none."""
     return ()
 
 

@@ -49,8 +49,8 @@ from .variant import SCENES_PER_LINE, Variant
 
 # -- Which airflow of a sweep starts from which ------------------------------------------------------------------------
 def starts(points: Sequence[Mapping[str, object]]) -> list[int]:
-    """For each of the ``points`` (inputs by dotted key) the place of the one that it starts from; its own for the most
-    central one, which starts from rest.
+    """Place of the point that each of the ``points`` (inputs by dotted key) starts from; its own for the most central
+    one, which starts from rest.
 
     Whoever is farthest from those that are there comes next, and starts from the nearest of them (farthest-first
     traversal: Gonzalez 1985, Theor. Comput. Sci. 38, 293): few wait for few. Numbers are compared over the range that
@@ -73,7 +73,7 @@ def starts(points: Sequence[Mapping[str, object]]) -> list[int]:
 
 
 def _distances(points: Sequence[Mapping[str, object]]) -> NDArray[np.float64]:
-    """Between all of the points, (n, n)."""
+    """Distances between all of the points, (n, n)."""
     squares = np.zeros((len(points), len(points)))
     for key in sorted({key for point in points for key in point}):
         values = [point.get(key) for point in points]

@@ -52,7 +52,7 @@ class GrowingTable:
 
     @property
     def table(self) -> ResultTable:
-        """All that was taken in."""
+        """The table of all that was taken in."""
         return ResultTable(tuple(self.entries.values()), self.targets)
 
 
@@ -68,7 +68,7 @@ class RunComparison(InTable):
 
     @property
     def differences(self) -> tuple[Difference, ...]:
-        """Of every later run from the first, quantity by quantity."""
+        """Differences of every later run from the first, quantity by quantity."""
         return tuple(differences_of(self.table.entries))
 
     @property
@@ -80,7 +80,7 @@ class RunComparison(InTable):
         return rows
 
     def frame(self, *, wide: bool = False) -> Any:
-        """As :meth:`wakeflow.Sweep.frame`."""
+        """Table of the runs, as :meth:`wakeflow.Sweep.frame` gives that of a sweep."""
         return self.table.frame(wide=wide)
 
     def write(self, folder: Path) -> None:

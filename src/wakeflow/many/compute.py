@@ -209,7 +209,7 @@ def executor_on(
 
 
 def _threads(executor: Executor, scenes: int) -> int:
-    """On how many threads each of so many scenes is flown: more where they are fewer than the workers."""
+    """Number of threads on which each of so many scenes is flown: more where they are fewer than the workers."""
     if isinstance(executor, Workers):
         return max(1, cores() // min(executor.count, max(1, scenes)))
     return executor.threads(scenes) if isinstance(executor, Cluster) else 1

@@ -114,7 +114,7 @@ class Variant:
             return cls("", inputs, None, str(problem))
 
     def __repr__(self) -> str:
-        """Its name, what it changes where the name does not say that, and why it cannot be made."""
+        """Name of the variant, what it changes where the name does not say that, and why it cannot be made."""
         inputs = ", ".join(f"{key} = {value!r}" for key, value in self.inputs.items())
         named = self.name.startswith(folder_name(self.inputs))
         rest = self.problem if self.scene is None else "" if named else inputs
@@ -213,7 +213,7 @@ def _distinct(every: Iterable[Variant]) -> list[Variant]:
 
 
 def named(every: Sequence[Variant]) -> list[Variant]:
-    """The same variants, those without a name called after their inputs; no name is taken twice."""
+    """Name the variants, those without a name after their inputs; no name is taken twice."""
     result: list[Variant] = []
     taken: set[str] = set()
     for variant in every:

@@ -136,14 +136,14 @@ class AirflowPlan:
         return scene.with_top()
 
     def feeling(self, scene: Scene, *, loaded: bool) -> AirflowPlan:
-        """This airflow, which the granules' force moves or not: where gravity is at an angle to the channel, or the
-        feed is not its own mirror image, the air is none under that force. Air that feels no granules feels neither.
+        """This plan for an airflow which the granules' force moves or not: where gravity is at an angle to the channel,
+        or the feed is not its own mirror image, it is none under that force. Air that feels no granules feels neither.
         """
         uneven = loaded and not (scene.plumb.upright and scene.feed.symmetric)
         return replace(self, loaded=loaded, symmetric=self.symmetric and not uneven, half=self.half and not uneven)
 
     def notices(self, scene: Scene) -> Iterator[Notice]:
-        """One for each way in which the airflow of ``scene`` differs from the real one."""
+        """One notice for each way in which the airflow of ``scene`` differs from the real one."""
         del scene
         return iter(())
 

@@ -60,7 +60,7 @@ class Encounters:
 
     @property
     def number(self) -> float:
-        """Of granules in all."""
+        """Number of granules in all."""
         return sum(self.by.values())
 
 
@@ -84,7 +84,7 @@ class _Slope(NamedTuple):
     high: float  # m, how high that is
 
     def speed(self, way: Array) -> Array:
-        """After a ``way`` (m) on the face."""
+        """Speed after a ``way`` (m) on the face."""
         return np.sqrt(self.start**2 + 2.0 * self.pull * np.maximum(way, 0.0))
 
 
@@ -245,7 +245,7 @@ def _slope(scene: Scene, fraction: Fraction, arrival: float, thrown: float) -> _
 
 
 def _fall(scene: Scene, fraction: Fraction, law: str, scale: float, diameter: float) -> _Fall:
-    """From the feed to the body; without one to the channel's end."""
+    """Fall from the feed to the body; without one to the channel's end."""
     above, speed = scene.release
     down = above if scene.body else scene.drop
     if down <= 0.0:

@@ -43,15 +43,15 @@ class CollisionPlan:
     that counts has landed.
     """
 
-    depth: float = column("m", "of the slab across the picture, periodic")
+    depth: float = column("m", "depth of the slab across the picture, periodic")
     tracers: Mapping[str, float] = column(
         "1", "share of each fraction's mass, its finest granules, that fly as tracers"
     )
     in_flight: Mapping[str, float] = column("1", "granules of each fraction that are simulated one by one, at a time")
     replicates: int = column("1", "independent runs of the slab, at most")
-    fewest: int = column("1", "that fly at least; more as long as they make the shares noticeably better known")
-    start_up: float = column("s", "of each, estimated; dropped")
-    operation: float = column("s", "of each, that counts; at least")
+    fewest: int = column("1", "replicates that fly at least; more if they make the shares noticeably better known")
+    start_up: float = column("s", "start-up of each, estimated; dropped")
+    operation: float = column("s", "time of each that counts; at least")
     count: int = column("1", "tracers of a fraction that count, over all replicates")
     seconds: float = column("s", "run time expected of all replicates, on two cores")
     memory: float = column("bytes", "memory expected")
@@ -118,7 +118,7 @@ def plan_collisions(
 
 
 def _depth(scene: Scene, stays: Mapping[str, float]) -> float:
-    """Of the slab (m): as asked for, or DIAMETERS of the coarsest granules, and more where few would fly at a time."""
+    """Depth of the slab (m): as asked for, or DIAMETERS of the coarsest granules; more where few would fly at once."""
     coarsest = max(float(fraction.diameters(np.array([0.5]))[0]) for fraction in scene.fraction.values())
     depth = scene.collisions.depth
     if not depth:

@@ -289,7 +289,7 @@ def _gathering_in_slab(work: Workload) -> Iterator[StageCost]:
 
 
 def _passes(work: Workload) -> int:
-    """Under the force of granules alone, and one under that of those that meet where it is not solved for only once."""
+    """Passes under the force of granules alone, and, if they are several, one under that of granules that meet."""
     most = work.scene.numerics.loading_passes
     return most + (most > 1 and work.crowd is not None)
 
@@ -310,14 +310,14 @@ def _flying(work: Workload) -> Iterator[StageCost]:
 
 
 def _in_slab(work: Workload) -> Iterator[StageCost]:
-    """As many replicates as lie in the middle between the fewest and all."""
+    """Cost of the slab: as many replicates as lie in the middle between the fewest and all."""
     if work.crowd is not None:
         flown = 0.5 * (work.crowd.fewest / work.crowd.replicates + 1.0)
         yield StageCost(StageKey(OWN, "slab"), flown * _slab_seconds(work, work.crowd), "after")
 
 
 def _slab_seconds(work: Workload, crowd: CollisionPlan) -> float:
-    """Of all replicates."""
+    """Core-seconds of all replicates of the slab."""
     slower = SLAB_IN_KNOWN_AIR if work.airflow.kind == "analytic" else 1.0
     if work.airflow.stepping == "time-resolved":
         slower *= 1.0 + AIR_IN_TIME / (sum(crowd.in_flight.values()) + CLOCK)

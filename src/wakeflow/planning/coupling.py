@@ -42,7 +42,7 @@ class Limit:
     name: str = column("", "name of the number")
     about: str = column("", "which assumption it checks")
     value: Most = column("1", "the number; null where it has no bound")
-    limit: Most = column("1", "up to where it holds; null for a scale without limit")
+    limit: Most = column("1", "number up to which it holds; null for a scale without limit")
     feed_rate: Most = column("kg/h", "feed that reaches the limit")
     why: str = column("", "what the number is, with its source")
 
@@ -131,9 +131,9 @@ def _packing(scene: Scene, speeds: Mapping[str, float]) -> float:
 
 
 class _TakenFromTheAir(NamedTuple):
-    """Of the air in the curtain's stream tube: the ``mass`` flow of granules over its own, the momentum that they give
-    it or take from it on their way to the body, over its density and the tube's section (``push``, m2/s2), and its
-    ``speed`` (m/s); ``fastest`` (m/s): the speed that granules come to.
+    """What the curtain's granules do to the air in its stream tube: their ``mass`` flow over its own, the momentum that
+    they give it or take from it on their way to the body, over its density and the tube's section (``push``, m2/s2),
+    and its ``speed`` (m/s); ``fastest`` (m/s): the speed that granules come to.
     """
 
     mass: float
@@ -158,8 +158,8 @@ class _TakenFromTheAir(NamedTuple):
 
 
 def _taken_from_the_air(scene: Scene, scales: Mapping[str, Sequence[FlightScales]]) -> _TakenFromTheAir:
-    """By what drag gives the median granule of each fraction down to the body; without a body, where the curtain is a
-    jet, no more than at the largest slip all the way. The curtain is as dense as about one of its granules in the mean.
+    """Estimate it by what drag gives each fraction's median granule down to the body; without a body, in a jet, no more
+    than at the largest slip all the way. The curtain is as dense as about one of its granules in the mean.
     """
     air, feed = scene.airstream, scene.feed
     tilt = abs(scene.channel.tilt)  # air that comes across the curtain passes it over all of its height

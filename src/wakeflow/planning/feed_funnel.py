@@ -26,8 +26,8 @@ Make = Callable[[str, str, Callable[[Path], None]], Path]
 class DischargeCurve:
     """The mass left in the funnel over time."""
 
-    time: tuple[float, ...] = column("s", "since the outlet was opened")
-    mass: tuple[float, ...] = column("kg", "left above the outlet")
+    time: tuple[float, ...] = column("s", "time since the outlet was opened")
+    mass: tuple[float, ...] = column("kg", "mass left above the outlet")
 
 
 @dataclass(frozen=True)
@@ -36,21 +36,21 @@ class FunnelSummary:
 
     verdict: str = column("", "emptied or stopped")
     rate: Measured = column("kg/s", "discharge rate; null where the flow stopped too early")
-    time_to_empty: Known = column("s", "until 99 % of the mass is out; null where it never was")
+    time_to_empty: Known = column("s", "time until 99 % of the mass is out; null where it never was")
     left: int = column("1", "beads left inside")
     beads: int = column("1", "beads")
-    mass: float = column("kg", "of all beads")
+    mass: float = column("kg", "mass of all beads")
     packing: Known = column("1", "volume of beads over volume of the poured bed")
     beverloo: Known = column("kg/s", "Beverloo's law for a funnel at rest, flat floor")
-    beverloo_cone: Known = column("kg/s", "the same with Rose & Tanaka's cone factor")
-    frequency: Known = column("Hz", "of the vibration")
+    beverloo_cone: Known = column("kg/s", "Beverloo's law with Rose & Tanaka's cone factor")
+    frequency: Known = column("Hz", "frequency of the vibration")
     gamma: Known = column("1", "peak acceleration of the wall over g")
-    time_step: float = column("s", "of the computation")
+    time_step: float = column("s", "time step of the computation")
     contact_time: float = column("s", "duration of the quickest collision")
-    youngs_modulus: float = column("Pa", "of the beads, softened")
+    youngs_modulus: float = column("Pa", "Young's modulus of the beads, softened")
     overlap: float = column("1", "deepest overlap of two beads seen, in diameters")
     engine: str = column("", "the program")
-    version: str = column("", "of the program")
+    version: str = column("", "version of the program")
     curve: DischargeCurve = column("", "mass left over time")
 
 
@@ -66,17 +66,17 @@ class BeadEngine(Protocol):
         """
 
     def seconds(self, funnel: Funnel) -> float:
-        """Core-seconds of that, as expected."""
+        """Core-seconds of pouring and discharge, as expected."""
 
     def version(self) -> str:
-        """Of the program. Raises ProgramError when there is none."""
+        """Version of the program. Raises ProgramError when there is none."""
 
 
 bead_engines: Registry[BeadEngine] = Registry("engine of beads", extended=True)
 
 
 def summary(funnel: Funnel) -> str:
-    """The plan's line."""
+    """The plan's line on the funnel."""
     if not funnel.computed:
         return f"feed funnel: {_by_law(funnel)}; no bead is computed"
     how = "at rest" if not funnel.amplitude else f"at {funnel.frequency:g} Hz, Gamma {funnel.gamma:g}"

@@ -162,12 +162,12 @@ class Approach:
 
     @property
     def driven(self) -> Approach:
-        """The same in the jet of air that the granules drive, as fast and as turbulent as it may be."""
+        """This approach in the jet of air that the granules drive, as fast and as turbulent as it may be."""
         return replace(self, scales=[replace(one, air_speed=one.driven, intensity=JET_RMS) for one in self.scales])
 
 
 def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
-    """Of every fraction: its drag, which others it meets, and the scales of its flight."""
+    """Approach of every fraction: its drag, which others it meets, and the scales of its flight."""
     laws = {name: (scene.fraction[name].drag_law, _drag_scale(scene, name)) for name in scene.fraction}
     met = encounters(scene, laws)
     if scene.air is None:
@@ -232,7 +232,7 @@ class BodyArrival(NamedTuple):
 
 
 def arrival_at_body(scene: Scene, name: str, law: str, scale: float) -> BodyArrival:
-    """Of a fraction, with its drag ``law`` and the factor on it; in a vacuum it comes as fast as it was fed."""
+    """Arrival of a fraction, with its drag ``law`` and the factor on it; in a vacuum it comes as fast as it was fed."""
     if scene.air is None:
         return BodyArrival(math.nan, math.inf, math.inf, scene.feed.fall_speed)
     fraction = scene.fraction[name]
@@ -396,7 +396,7 @@ def _crowd(
 
 
 def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:
-    """Of each fraction: its drag law and the factor on it."""
+    """Drag law of each fraction and the factor on it."""
     return {name: (one.law, one.scale) for name, one in approaches.items()}
 
 
@@ -456,8 +456,8 @@ def _left_out(
 
 
 def _sticking(scene: Scene, approaches: Mapping[str, Approach]) -> Iterator[LeftOut]:
-    """Of each fraction whose granules meet far heavier ones at the scene's feed rate: how much of it at most stays on
-    those, the share that meets any, as meetings by chance are (Poisson).
+    """Sticking that is left out of each fraction whose granules meet far heavier ones at the scene's feed rate: how
+    much of it at most stays on those, the share that meets any, as meetings by chance are (Poisson).
     """
     if not scene.feed.rate:
         return
@@ -472,8 +472,8 @@ def _sticking(scene: Scene, approaches: Mapping[str, Approach]) -> Iterator[Left
 
 
 def _without_air(scene: Scene, fractions: Mapping[str, FractionPlan]) -> tuple[list[LeftOut], list[Notice]]:
-    """For each fraction of a scene with air that is flown without: what the air could move it by, and where that is
-    worth a warning.
+    """What the air could move each fraction by of a scene with air that is flown without, and where that is worth a
+    warning.
     """
     air, widest = scene.airstream, scene.channel.width / scene.width
     left_out: list[LeftOut] = []

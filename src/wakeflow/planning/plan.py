@@ -39,7 +39,7 @@ class CostEstimate:
     disk: float = column("bytes", "disk")
 
     def __getitem__(self, name: str) -> float:
-        """As ``plan.estimate["seconds"]``."""
+        """Number by its name: ``plan.estimate["seconds"]``."""
         found: float = getattr(self, name)
         return found
 
@@ -67,12 +67,12 @@ class FractionPlan(_Sendable):
     drag_scale: float = column(
         "1", "factor on the law that gives the measured terminal velocity; a granule's own slip correction divides it"
     )
-    terminal_velocity: float | None = column("m/s", "in the scene's air; null in a vacuum")
-    relaxation_time: Most = column("s", "at the speed relative to the air on arrival; null in a vacuum")
+    terminal_velocity: float | None = column("m/s", "terminal velocity in the scene's air; null in a vacuum")
+    relaxation_time: Most = column("s", "relaxation time at the speed relative to the air on arrival; null in a vacuum")
     stokes: Most = column(
         "1", "approach Stokes number, relaxation time x arrival speed / half width; null without a body or air"
     )
-    arrival_speed: float = column("m/s", "at the top of the body, drag included; negative where carried up")
+    arrival_speed: float = column("m/s", "speed at the top of the body, drag included; negative where carried up")
     impaction: Deflection | None = column("", "null in a vacuum, in upward air and under a tilt", default=None)
     forces: tuple[str, ...] = column("", "the terms that it is flown with", default=())
     bounds: Mapping[str, Most] = column("as plan.unit", "how far each term could move it", default=dict)
@@ -111,7 +111,7 @@ class Plan(_Sendable):
     stages: tuple[StageCost, ...] = column("", "what was to be done, in order", default=())
     notices: tuple[Notice, ...] = column("", "what a user must know before the run, the gravest first", default=())
     validity: tuple[Limit, ...] = column("", "what the feed rate strains, and from which rate on", default=())
-    unit: str = column("", "of lengths in this table: body widths or channel widths", default="body widths")
+    unit: str = column("", "unit of lengths in this table: body widths or channel widths", default="body widths")
     crowd: CollisionPlan | None = column(
         "", "the slab in which granules meet; null where each flies alone", default=None
     )
@@ -149,7 +149,7 @@ class Plan(_Sendable):
         return next((notice.text for notice in self.notices if notice.grade is Grade.VOID), "")
 
     def with_forces(self, forces: Sequence[str]) -> Plan:
-        """The same plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
+        """This plan with every fraction flown with ``forces``, whatever their bounds: for comparisons."""
         fractions = {name: replace(fraction, forces=tuple(forces)) for name, fraction in self.fractions.items()}
         return replace(self, fractions=fractions)
 

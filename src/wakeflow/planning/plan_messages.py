@@ -38,7 +38,7 @@ OF_THE_AIR = re.compile(
 
 
 def unfelt(keys: Iterable[str], scene: Scene, rung: str) -> list[str]:
-    """Those of the ``keys`` of a scene with air that change no answer on a ``rung``: none, which leaves the air out."""
+    """Keys, of a scene with air, that change no answer on a ``rung``: on none, which leaves the air out."""
     return [key for key in keys if scene.air is not None and rung == "none" and OF_THE_AIR.fullmatch(key)]
 
 
@@ -180,7 +180,7 @@ def _turned(scene: Scene, fraction: FractionPlan) -> str:
 
 
 def _spread(scene: Scene, name: str) -> str:
-    """Between which terminal velocities nine in ten granules of a fraction lie, where a distribution was measured."""
+    """Terminal velocities between which nine in ten granules of a fraction lie, where a distribution was measured."""
     ends = scene.fraction[name].settling(np.array([0.05, 0.95]))
     if ends is None:
         return ""
@@ -219,7 +219,7 @@ def _airflow_lines(scene: Scene, airflow: AirflowPlan) -> Iterator[str]:
 
 
 def missing_lines(gates: Mapping[str, TermSelection], unit: str) -> Iterator[Notice]:
-    """One for each term that could matter and is not computed, with what it could move."""
+    """One notice for each term that could matter and is not computed, with what it could move."""
     terms = dict.fromkeys((term, why) for gate in gates.values() for term, why in gate.missing.items())
     for term, why in terms:
         moved = [f"{name} {gate.bounds[term]:.2g}" for name, gate in gates.items() if term in gate.missing]
@@ -271,8 +271,8 @@ def warning_lines(
 
 
 def _guesses(scene: Scene, name: str) -> Iterator[Notice]:
-    """One of the numbers of a fraction that are its material's, of low confidence, and that its granules feel; none
-    whose uncertainty the scene says.
+    """Notice of the numbers of a fraction that are its material's, of low confidence, and that its granules feel; of
+    none whose uncertainty the scene says.
     """
     fraction = scene.fraction[name]
     felt = [*WEIGHED, *(["terminal_velocity"] if scene.air is not None else []), *(REBOUNDS if scene.body else [])]
@@ -284,7 +284,7 @@ def _guesses(scene: Scene, name: str) -> Iterator[Notice]:
 
 
 def _beyond_the_top(scene: Scene) -> Iterator[Notice]:
-    """Where the feed begins above the channel, whose air is known up to its top."""
+    """Notice where the feed begins above the channel, whose air is known up to its top."""
     begin, top = scene.level + float(scene.release[0]), scene.channel.top
     if not scene.body or scene.air is None:
         return
@@ -307,7 +307,7 @@ PARTED = 10.0  # Stokes number below which the air's parting, a width above the 
 
 
 def _inside_the_parting_air(scene: Scene, name: str, fraction: FractionPlan) -> Iterator[Notice]:
-    """One where granules that follow the air begin so near to the body that it has turned them already."""
+    """Notice where granules that follow the air begin so near to the body that it has turned them already."""
     blows = scene.air is not None and not (scene.air.still or scene.air.rises)
     if scene.feed.speed is None or not blows or fraction.mode != "resolved" or fraction.stokes >= PARTED:
         return
@@ -319,7 +319,7 @@ def _inside_the_parting_air(scene: Scene, name: str, fraction: FractionPlan) -> 
 
 
 def _injected_beyond(name: str, fraction: FractionPlan, target: float) -> Iterator[Notice]:
-    """One where injection was asked for and does not hold."""
+    """Notice where injection was asked for and does not hold."""
     if fraction.mode != "injected":
         return
     turned = fraction.impaction

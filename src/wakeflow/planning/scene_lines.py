@@ -70,7 +70,7 @@ def narrowest_gap(scene: Scene) -> Gap:
 
 
 def _span(outline: Array, y: float) -> tuple[float, ...]:
-    """From where to where (m) an outline reaches at a level; empty where it does not."""
+    """Ends (m) between which an outline reaches at a level; empty where it does not."""
     (x0, y0), (x1, y1) = (ends.T for ends in edges(outline))
     cut = (y0 - y) * (y1 - y) < 0.0
     if not cut.any():
@@ -224,7 +224,7 @@ SEAM = 0.1  # of a record's peak acceleration: a larger jump from its end to its
 
 
 def body_checks(scene: Scene) -> Iterator[Notice]:
-    """One each: gaps too narrow for granules, level faces, faces that friction alone makes a granule stay on, a record
+    """Notices of gaps too narrow for granules, level faces, faces that friction alone makes a granule stay on, a record
     with a jump.
     """
     yield from _narrow_gaps(scene)
@@ -311,7 +311,7 @@ def trade_lines(scene: Scene) -> Iterator[tuple[str, str]]:
 
 
 def fan_notices(scene: Scene) -> Iterator[Notice]:
-    """Of a fan's curve that meets the machine's more than once."""
+    """Notice of a fan's curve that meets the machine's more than once."""
     point = None if scene.air is None else scene.air.point
     if point is not None and point.others:
         yield less_sure(

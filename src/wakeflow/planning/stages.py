@@ -68,7 +68,7 @@ class StageCost:
 
     @property
     def key(self) -> StageKey:
-        """The stage."""
+        """Key of the stage."""
         return StageKey.of(self.name)
 
 
@@ -129,7 +129,7 @@ class StageKey(str):
 
     @property
     def heading(self) -> str:
-        """Under which its run time is shown."""
+        """Heading under which its run time is shown."""
         return OTHER_MESHES if self.label.grid else self.stage.heading
 
 
@@ -139,4 +139,4 @@ class FliesAgain(Protocol):
     place: ClassVar[int]
 
     def costs(self, work: Workload) -> Iterable[StageCost]:
-        """Each stage that a run makes for it."""
+        """Cost of each stage that a run makes for it."""

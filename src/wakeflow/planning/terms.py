@@ -130,7 +130,7 @@ class LeftOut:
     name: str = column("", "name of the term")
     bound: Most = column("as plan.unit", "how far it could move a granule; null where that is no shift")
     why: str = column("", "why it is left out")
-    fraction: str | None = column("", "for which fraction; null for all", default=None)
+    fraction: str | None = column("", "fraction that it is left out for; null for all", default=None)
 
 
 @dataclass(frozen=True)
@@ -250,8 +250,8 @@ class TermGate:
         )  # fmt: skip
 
     def in_vacuum(self, name: str, collisions: float) -> TermSelection:
-        """The same where no air is, and no choice of forces: ``collisions`` could move the fraction so far (body
-        widths).
+        """Decide for fraction ``name`` where no air is, and no choice of forces: ``collisions`` could move it so far
+        (body widths).
         """
         left_out: tuple[LeftOutTerm, ...] = ()
         shift = min(self.scene.channel.width / self.scene.width, collisions)
@@ -329,7 +329,7 @@ def _small(shifts: Mapping[str, float], blocked: Mapping[str, str], limit: float
 
 
 def _sides(scene: Scene) -> int:
-    """On how many sides of the body the curtain is thrown: 2 where it falls on both sides of the body's top."""
+    """Number of sides of the body on which the curtain is thrown: 2 where it falls on both sides of the body's top."""
     if not scene.body:
         return 1
     outline = scene.outline

@@ -111,7 +111,7 @@ class UniformFall:
     def by_factor(
         cls, scene: Scene, fraction: Fraction, law: str, factor: float, diameter: float, *, part: float = 1.0
     ) -> UniformFall:
-        """The same with the ``factor`` on the law that this granule has, its slip correction included."""
+        """The fall with the ``factor`` on the law that this granule has, its slip correction included."""
         air, tilt = scene.airstream, scene.channel.tilt
         speed = part * air.speed
         blows = speed if air.direction == "down" else -speed
@@ -144,7 +144,7 @@ class UniformFall:
         return FallRoom(down, up, half - x, half + x, tilt)
 
     def arrival(self) -> Arrival:
-        """At the top of the first body; without one at once."""
+        """Arrival at the top of the first body; without one at once."""
         above, speed = self.scene.release
         if above == 0.0:
             return Arrival(0.0, speed)
@@ -176,7 +176,7 @@ class FallRoom(NamedTuple):
 
 @lru_cache(maxsize=1024)  # a plan asks for the same falls for its forces, its estimate of collisions and the slab
 def _fall(granule: FallingGranule, speed: float, room: FallRoom) -> tuple[FallPoint, ...]:
-    """Along gravity in real numbers; where the air blows across, that is the imaginary part."""
+    """Fall along gravity in real numbers; where the air blows across, that is the imaginary part."""
     pull = granule.gravity * (1.0 - granule.air_density / granule.density)
     air: Any = complex(granule.along, granule.across) if granule.across else granule.along
     least = min(room.down, room.up)

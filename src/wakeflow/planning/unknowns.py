@@ -126,7 +126,7 @@ def unknowns(scene: Scene, plan: Plan) -> list[Unknown]:
 
 
 def numbers(scene: Scene, plan: Plan) -> list[Unknown]:
-    """The same with what is exact: an unknown that is off by nothing."""
+    """All numbers of ``scene`` under ``plan``, with what is exact: an unknown that is off by nothing."""
     return [unknown for name in unknown_kinds for unknown in unknown_kinds[name].found(scene, plan)]
 
 
@@ -206,8 +206,8 @@ def _factor_on(name: str) -> Callable[[Drawn], Variation]:
 
 
 def _vary_settling(drawn: Drawn) -> Variation:
-    """By the factor on the drag coefficient that makes the median granule fall so fast, in the standard air to which
-    the same factor applies at a terminal velocity as much off.
+    """Vary drag by the factor on its coefficient that makes the median granule fall so fast, in the standard air to
+    which the same factor applies at a terminal velocity as much off.
     """
     return drawn.with_granules(drag=drawn.granules.drag * _drag(drawn, drawn.factor))
 
@@ -227,12 +227,12 @@ def _drag(drawn: Drawn, faster: float, size: float = 1.0, density: float = 1.0) 
 
 
 def _vary_size(drawn: Drawn) -> Variation:
-    """On top of what water makes of it."""
+    """Vary the size on top of what water makes of it."""
     return drawn.with_granules(size=drawn.granules.size * drawn.factor)
 
 
 def _vary_density(drawn: Drawn) -> Variation:
-    """Where the terminal velocity is known of itself, its drag goes with the density."""
+    """Vary the density; where the terminal velocity is known of itself, drag goes with it."""
     kept = 1.0 if drawn.scene.fraction[drawn.unknown.fraction].measured_settling is None else drawn.factor
     return drawn.with_granules(density=drawn.factor, drag=drawn.granules.drag * kept)
 
@@ -525,7 +525,7 @@ class Dependence:
         return kept
 
     def among(self, which: NDArray[np.bool_]) -> Dependence:
-        """The same with the orders of ``which`` unknowns (K,) and exact numbers alone."""
+        """This dependence with the orders of ``which`` unknowns (K,) and exact numbers alone."""
         others = {unknown.key for unknown, own in zip(self.unknowns, which, strict=True) if not own}
         return replace(
             self, orders=tuple(pair for pair in self.orders if not others & {unknown.key for unknown in pair})

@@ -137,7 +137,7 @@ def cost_of(span: Span, plane_cells: float, scale: float) -> SpanCost:
 
 
 def span_lines(span: Span, cost: SpanCost) -> Iterator[str]:
-    """The plan's lines on it."""
+    """The plan's lines on the span."""
     yield (
         f"three dimensions: a periodic span of {span.depth:g} body widths in {span.layers} layers, {span.sheddings:g} "
         f"shedding cycles recorded after a start-up of {span.start_up:g} body widths of travel"

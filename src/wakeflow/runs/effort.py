@@ -120,7 +120,7 @@ def settings_of(scene: Scene, plan: Plan) -> RefinedSettings:
 
 
 def cheapest(own: RefinedSettings, target: float) -> RefinedSettings:
-    """Of the first pass, which measures how the errors stand: never finer than the scene's ``own``."""
+    """Settings of the first pass, which measures how the errors stand: never finer than the scene's ``own``."""
     count, asked = max(MIN_PASS_GRANULES, 2 ** ceil(log2(IN_FIRST / target))), values(own)
     pass_at = {"granules": count, "tolerance": LOOSER * target, "slab": count}
     if "mesh" in asked:
@@ -196,8 +196,8 @@ def _planned(scene: Scene, request: Request) -> Plan:
 
 
 def _roughly(scene: Scene, request: Request, seconds: float) -> tuple[Scene, Request]:
-    """With the granules' force on the air solved for once where all passes take longer than ``seconds``; without it
-    where one does too: its bound is then in the interval.
+    """Solve for the granules' force on the air once where all passes take longer than ``seconds``; leave it out where
+    one does too: its bound is then in the interval.
     """
     if LOADING not in request.force and _loading_seconds(scene, request) > seconds:
         once = scene.replace({"numerics.loading_passes": 1})
@@ -296,7 +296,7 @@ class RoundPrices:
         return replace(self, stages=stages, settings=then)
 
     def _seconds(self, stage: StageCost, then: RefinedSettings) -> float:
-        """Of a stage: steps go with the cells' edges, averages with the square of what they are known to."""
+        """Time (s) of a stage: steps go with the cells' edges, averages with the square of what they are known to."""
         now = self.settings
         finer = (now.mesh_scale or 1.0) / (then.mesh_scale or 1.0)  # and cells on a granule's way
         longer = (now.averaging or 1.0) / (then.averaging or 1.0)
@@ -329,7 +329,7 @@ def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
 
 
 def _power(spent: Mapping[str, StageTime]) -> float:
-    """Of a flight's time with its tolerance, as the companion with finer steps shows it."""
+    """Power of the tolerance that a flight's time goes with, as the companion with finer steps shows it."""
     own, finer = spent.get("tracks"), spent.get(FINER_STEPS)
     if own is None or finer is None or min(own.seconds, finer.seconds) <= 2.0 * OVERHEAD:
         return MIN_POWER
@@ -378,7 +378,7 @@ class Choice:
 
     @classmethod
     def of(cls, rows: Sequence[BudgetRow], prices: RoundPrices, then: RefinedSettings) -> Choice:
-        """Of the settings ``then``; the rest as of :func:`choose`."""
+        """Choice of the settings ``then``; the rest as of :func:`choose`."""
         half = max((expected_half(row, prices.settings, then) for row in rows), default=0.0)
         return cls(then, half, prices.at(then).seconds)
 

@@ -32,7 +32,7 @@ PACKAGES = ("numpy", "scipy", "numba", "gmsh", "meshio", "foamlib", "pyvista")
 
 @cache
 def versions() -> dict[str, str]:
-    """Of python and of the packages that answers rest on."""
+    """Versions of python and of the packages that answers rest on."""
     from importlib.metadata import PackageNotFoundError, version
 
     from .. import __version__

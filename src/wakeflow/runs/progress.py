@@ -92,7 +92,7 @@ class RunProgress:
         return wall_seconds(ahead, self.cores)
 
     def _paces(self) -> dict[str, float]:
-        """By kind of work: seconds that its stages take over those expected of them."""
+        """Seconds that stages take over those expected of them, by kind of work."""
         sums = {one.key.stage.work: [TRUSTED, TRUSTED] for one in self.expected}
         for one, taken, expected in self._seen():
             both = sums[one.key.stage.work]
@@ -268,7 +268,7 @@ def as_listener(listener: Listener | None, planned: Planned | None = None) -> tu
 
 
 def ignore(plan: Plan) -> None:
-    """Nobody asks what will be done."""
+    """Do nothing: nobody asks what will be done."""
 
 
 def _in_notebook() -> bool:

@@ -118,8 +118,8 @@ def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:
 
 
 def what_to_measure(result: Result, target: float) -> tuple[str, ...]:
-    """For each fraction whose least certain share misses the ``target`` for its inputs: which of them to measure, how
-    well, so that the total meets it.
+    """Inputs to measure for each fraction whose least certain share misses the ``target`` for its inputs, and how well,
+    so that the total meets it.
     """
     landings = result.landings
     if landings is None or not landings.inputs or not landings.measure_next:

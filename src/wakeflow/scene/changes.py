@@ -152,11 +152,11 @@ class Variation:
         return self.granules.get(name, GranuleVariation())
 
     def with_granules(self, name: str, **changes: float) -> Variation:
-        """The same draw with something more changed of fraction ``name``."""
+        """This draw with something more changed of fraction ``name``."""
         return replace(self, granules={**self.granules, name: replace(self.of(name), **changes)})
 
     def with_air(self, **changes: float) -> Variation:
-        """The same draw with something more changed of the air."""
+        """This draw with something more changed of the air."""
         return replace(self, air=replace(self.air, **changes))
 
     def fed(self, scene: Scene) -> Scene:

@@ -44,7 +44,7 @@ PARTS = np.linspace(0.05, 0.45, 5)  # of the curtain's mass, at which its two si
 # -- [feed]: the falling curtain ---------------------------------------------------------------------------------------
 @parameters(
     std=(Length, "normal: standard deviation; default a quarter of the width"),
-    positions=(list[Coordinate], "table: from the curtain's middle, increasing"),
+    positions=(list[Coordinate], "table: places from the curtain's middle, increasing"),
     weights=(list[Annotated[float, Field(ge=0)]], "table: mass per width at each position, in any unit"),
 )
 class Profile(LawTable):
@@ -64,14 +64,14 @@ class Feed(Weighed):
         "falling", description="resting: granules lie still on the body when its vibration begins"
     )
     height: Annotated[Length, UNSET] = Field(
-        0.0, description="of free fall from rest down to the top of the body; without a body down to level"
+        0.0, description="height of free fall from rest down to the top of the body; without a body down to level"
     )
     speed: Speed | None = Field(None, description="instead of height: speed at the top of the body, or at level")
     level: Coordinate | None = Field(
         None, description="only without a body: y where the curtain enters the air; default the channel's top"
     )
     direction: AnyAngle | None = Field(
-        None, description="only without a body: of speed at level, from the x axis; default: along gravity"
+        None, description="only without a body: direction of speed at level, from the x axis; default: along gravity"
     )
     scatter: ScatterAngle = Field(
         0.0, description="only without a body: rms angle between a granule's direction and the feed's"
@@ -79,9 +79,9 @@ class Feed(Weighed):
     width: Length
     position: Coordinate = Field(0.0, description="x of the curtain's middle")
     profile: Annotated[Profile, Shorthand(str, lambda x: {"distribution": x} if isinstance(x, str) else x)] = Field(
-        Profile(distribution="uniform"), description="of the mass across the width: a name, or a table"
+        Profile(distribution="uniform"), description="spread of the mass across the width: a name, or a table"
     )
-    depth: Length = Field(1.0, description="of the machine, across the plane")
+    depth: Length = Field(1.0, description="depth of the machine, across the plane")
     rate: Annotated[MassRate, UNSET] = Field(
         0.0, description="mass flow of all fractions, or by depth, '800 kg/h/m'; default 1 kg/s per metre of depth"
     )
@@ -156,13 +156,13 @@ class CollisionTable(Table):
     """[collisions]: granules among themselves; whether their meetings are computed the plan decides, or --force."""
 
     depth: Annotated[Length, UNSET] = Field(
-        0.0, description="of the slab across the picture, periodic; default 15 of the coarsest granules' diameters"
+        0.0, description="depth of slab across the picture, periodic; default 15 of the coarsest granules' diameters"
     )
     count: Annotated[int, Field(ge=16, le=10_000_000), UNSET] = Field(
         0, description="granules of a fraction that count in the slab; default what numerics.target_error needs"
     )
-    restitution: Annotated[float, Field(ge=0, le=1)] = Field(0.5, description="of one granule on another")
-    friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="of one granule on another")
+    restitution: Annotated[float, Field(ge=0, le=1)] = Field(0.5, description="restitution of one granule on another")
+    friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="friction of one granule on another")
 
 
 # -- [funnel]: a vibrated conical funnel full of beads, whose discharge is computed bead by bead -----------------------
@@ -179,10 +179,10 @@ class Funnel(Weighed):
     """
 
     computed: bool = Field(
-        True, description="bead by bead, with LIGGGHTS; false: the rate is that of Beverloo's law, at rest"
+        True, description="whether bead by bead, with LIGGGHTS; false: the rate is that of Beverloo's law, at rest"
     )
     orifice: Length = Field(0.010, description="inner diameter of the outlet")
-    half_angle: SlopeAngle = Field(math.radians(30), description="of the cone, its wall from the vertical")
+    half_angle: SlopeAngle = Field(math.radians(30), description="half angle of the cone, its wall from the vertical")
     width: Annotated[Length, UNSET] = Field(
         0.0, description="inner diameter of the straight part above the cone; default: as needed"
     )
@@ -191,21 +191,21 @@ class Funnel(Weighed):
     high: Diameter = Field(1.3e-3, description="largest bead")
     density: MassDensity = Field(
         default_factory=lambda given: materials[given["material"]].density,
-        description="of a bead; default: the material's",
+        description="density of a bead; default: the material's",
     )
-    mass: Annotated[Mass, UNSET] = Field(0.0, description="of all beads; default 35 g")
-    count: Annotated[int, Field(ge=10, le=MAX_BEADS), UNSET] = Field(0, description="of beads, instead of mass")
+    mass: Annotated[Mass, UNSET] = Field(0.0, description="mass of all beads; default 35 g")
+    count: Annotated[int, Field(ge=10, le=MAX_BEADS), UNSET] = Field(0, description="number of beads, instead of mass")
     restitution: Annotated[float, Field(gt=0.05, le=1)] = Field(
         default_factory=lambda given: float(restitution_at(materials[given["material"]].restitution, USUAL)),
         description="default: the material's",
     )
     friction: Annotated[float, Field(ge=0, le=10)] = Field(
-        default_factory=lambda given: materials[given["material"]].friction, description="bead on bead"
+        default_factory=lambda given: materials[given["material"]].friction, description="friction of bead on bead"
     )
-    wall_friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="bead on the cone: a matte print")
+    wall_friction: Annotated[float, Field(ge=0, le=10)] = Field(0.3, description="friction on the cone: a matte print")
     rolling_friction: Annotated[float, Field(ge=0, le=1)] = 0.0
-    youngs_modulus: Modulus = Field(5e6, description="of beads and wall; softened: glass has 6e10 Pa")
-    frequency: Annotated[Frequency, UNSET] = Field(0.0, description="of the vertical vibration")
+    youngs_modulus: Modulus = Field(5e6, description="Young's modulus of beads and wall; softened: glass has 6e10 Pa")
+    frequency: Annotated[Frequency, UNSET] = Field(0.0, description="frequency of the vertical vibration")
     gamma: Annotated[float, Field(ge=0, le=50)] = Field(0.0, description="peak acceleration over g; 0: at rest")
     steps_per_contact: Annotated[int, Field(ge=10, le=500)] = Field(
         25, description="time steps in the duration of a collision"
@@ -215,7 +215,7 @@ class Funnel(Weighed):
     @field_validator("material")
     @classmethod
     def _of_the_list(cls, value: str) -> str:
-        """Before the numbers that are the material's by default."""
+        """Check the material before the numbers that are its own by default."""
         _ = materials[value]
         return value
 

@@ -42,7 +42,7 @@ CUT = 0.05  # of a normal distribution: where more lies outside what a coefficie
 
 @parameters(
     value=(Annotated[float, Field(ge=0, le=1)], "restitution measured at one speed"),
-    at=(PositiveSpeed, "that speed, normal to the wall"),
+    at=(PositiveSpeed, "speed of that, normal to the wall"),
     exponent=(Annotated[float, Field(ge=1e-3, le=2)], "power: 0.25"),
     most=(Annotated[float, Field(ge=1e-3, le=1)], "power, elastic-plastic: largest value, 0.99"),
     speeds=(list[PositiveSpeed], "table: approach speeds, rising"),
@@ -183,7 +183,7 @@ def _number_or_table(value: object) -> str:
 
 
 def _number_law_or_table(value: object) -> str:
-    """The same of a restitution: a table with a ``law`` is one of the approach speed."""
+    """The tag that tells a restitution's number, law and table apart: a ``law`` is one of the approach speed."""
     if isinstance(value, Mapping | Rebound) and not Coefficient.means(value):
         return "[law]"
     return _number_or_table(value)
@@ -255,7 +255,7 @@ class Fraction(Table):
         description="length, width and thickness, of which the proportions count: by them granules meet each other "
         "(default a ball) and a flake is thrown",
     )
-    mass_share: Annotated[Portion, UNSET] = Field(0.0, description="of the feed; shares add up to 1; default: equal")
+    mass_share: Annotated[Portion, UNSET] = Field(0.0, description="share of feed; they add up to 1; default: equal")
     target: Annotated[str | Annotated[list[str], Field(min_length=1)], UNSET] = Field(
         "", description="the bin, or bins, where it should land"
     )
@@ -301,7 +301,7 @@ class Fraction(Table):
 
     @property
     def _source(self) -> Material:
-        """Its material, as it is at the fraction's moisture; UNNAMED without one."""
+        """Material of the fraction, as it is at its moisture; UNNAMED without one."""
         result = materials[self.material] if self.material else UNNAMED
         return result.at_moisture(self.moisture) if self.moisture else result
 

@@ -63,17 +63,17 @@ def _shape_or_drawing(schema: JsonTable) -> None:
 
 @parameters(
     width=(Length, "horizontal extent; not for polygon"),
-    slope_angle=(SlopeAngle, "of the faces, from the horizontal: 10 to 80 deg"),
+    slope_angle=(SlopeAngle, "angle of the faces, from the horizontal: 10 to 80 deg"),
     height=(Length, "instead of slope_angle"),
     apex=(Literal["up", "down"], "prism only"),
-    length=(Length, "plate only: along its faces"),
+    length=(Length, "plate only: length along its faces"),
     thickness=(Length, "plate only"),
     descends=(Literal["left", "right"], "plate only: to which side it falls; right"),
     points=(list[Point], "polygon only: corners in the body's own frame"),
-    corners=(Annotated[int, Field(ge=16, le=720)], "circle only: of its polygon; 120"),
+    corners=(Annotated[int, Field(ge=16, le=720)], "circle only: corners of its polygon; 120"),
     drawing=(str, "instead of shape: a DXF file with one closed outline, in the body's own frame", "outline"),
-    outline_layer=(str, "of the DXF file that the outline is on; default: all"),
-    outline_unit=(str, "of the DXF file's numbers, such as mm; default: the file's own"),
+    outline_layer=(str, "layer of the DXF file that the outline is on; default: all"),
+    outline_unit=(str, "unit of the DXF file's numbers, such as mm; default: the file's own"),
 )
 class Body(LawTable):
     """[body.NAME]: a solid in the flow."""
@@ -104,8 +104,8 @@ class Inlet(Table):
 
     side: Literal["left", "right"] = Field(description="the wall that it comes through")
     position: Coordinate = Field(description="y of its middle")
-    width: Length = Field(description="of the opening, along the wall")
-    velocity: PositiveSpeed = Field(description="into the channel, uniform")
+    width: Length = Field(description="width of the opening, along the wall")
+    velocity: PositiveSpeed = Field(description="velocity into the channel, uniform")
 
     @property
     def span(self) -> tuple[float, float]:
@@ -119,7 +119,7 @@ class Channel(Table):
     width: Length
     top: Coordinate
     bottom: Coordinate
-    walls: Literal["slip", "no-slip"] = Field("slip", description="for the air; granules bounce off either")
+    walls: Literal["slip", "no-slip"] = Field("slip", description="kind for the air; granules bounce off either")
     tilt: TiltAngle = Field(
         0.0, description="-90 to 90 deg, of a machine that does not stand upright: from -y towards +x gravity points"
     )
@@ -132,13 +132,13 @@ class Channel(Table):
         return {"floor": self.bottom, "top": self.top, "left": -self.width / 2, "right": self.width / 2}
 
     def span(self, side: str) -> tuple[float, float]:
-        """From where to where a side reaches (m): x of the floor and the top, y of the walls."""
+        """Ends between which a side reaches (m): x of the floor and the top, y of the walls."""
         return (-self.width / 2, self.width / 2) if side in ("floor", "top") else (self.bottom, self.top)
 
 
 @parameters(
-    flow=(list[AirFlow], "of the curve's points, rising; straight lines between them"),
-    pressure=(list[Drop], "that the fan gives at each flow"),
+    flow=(list[AirFlow], "flows of the curve's points, rising; straight lines between them"),
+    pressure=(list[Drop], "pressure that the fan gives at each flow"),
     p0=(Drop, "instead of points: pressure at no flow"),
     k=(Annotated[float, Field(gt=0, le=1e9)], "pressure = p0 - k flow^2, in Pa/(m3/s)^2"),
 )
@@ -148,13 +148,13 @@ class Fan(LawTable):
     speed_ratio: Annotated[float, Field(gt=0, le=4)] = Field(
         1.0, description="turns over those of the curve: flow grows with it, pressure with its square"
     )
-    rest_drop: Drop = Field(0.0, description="of ducts, filter, cyclone and damper together at rest_flow")
+    rest_drop: Drop = Field(0.0, description="drop of ducts, filter, cyclone and damper together at rest_flow")
     rest_flow: Annotated[AirFlow, UNSET] = Field(
-        0.0, description="at which rest_drop was measured; it grows with the square"
+        0.0, description="flow at which rest_drop was measured; it grows with the square"
     )
     rest_loss: Loss = Field(0.0, description="instead: their drop over density speed^2 / 2 of the channel's mean speed")
     channel_loss: Loss | None = Field(
-        None, description="the same of channel and bodies, at first; default estimated. A run computes it"
+        None, description="loss of channel and bodies alike, at first; default estimated. A run computes it"
     )
 
     @model_validator(mode="after")
@@ -202,16 +202,16 @@ class Air(Table):
 
     model_config = ConfigDict(json_schema_extra=_speed_or_case)
     speed: Annotated[float, Field(ge=0, le=100), WithUnit("m/s", "5 m/s")] = Field(description="0: air at rest")
-    direction: Literal["down", "up"] = Field("down", description="to which the air blows")
+    direction: Literal["down", "up"] = Field("down", description="way that the air blows")
     temperature: Temperature = TEMPERATURE
     pressure: Pressure = Field(PRESSURE, description="absolute")
     density: MassDensity = Field(
         default_factory=lambda air: air_density(air["temperature"], air["pressure"]),
-        description="default: of air of that temperature and pressure",
+        description="default: that of air of that temperature and pressure",
     )
     viscosity: Viscosity = Field(
         default_factory=lambda air: air_viscosity(air["temperature"]),
-        description="dynamic; default: of air of that temperature",
+        description="dynamic; default: that of air of that temperature",
     )
     mean_free_path: FreePath = Field(
         default_factory=lambda air: mean_free_path(
@@ -224,11 +224,11 @@ class Air(Table):
         0.05, description="inlet intensity, u'/U; 0 only where the air is laminar"
     )
     profile: Literal["uniform", "parabolic"] = Field(
-        "uniform", description="at the inlet; parabolic: fully developed laminar flow, speed is its mean"
+        "uniform", description="profile at the inlet; parabolic: fully developed laminar flow, speed is its mean"
     )
     case: Annotated[str, UNSET] = Field("", description="folder of a solved OpenFOAM case, relative to the scene file")
     time: Literal["latest", "mean", "all"] | None = Field(
-        None, description="of the case: its last time (default), the mean of its times, or all of them"
+        None, description="time of the case: its last time (default), the mean of its times, or all of them"
     )
 
     fan: Fan | None = Field(None, description="instead of speed: a fan's curve, and what else it blows the air through")
@@ -266,7 +266,7 @@ class Air(Table):
 
     @property
     def blows(self) -> str:
-        """In words: "5 m/s down", or "at rest"."""
+        """Speed and direction in words: "5 m/s down", or "at rest"."""
         return "at rest" if self.still else f"{say(self.speed, 'm/s', 3)} {self.direction}"
 
     @model_validator(mode="after")
@@ -305,14 +305,14 @@ class Samples(Table):
     frequency=Frequency,
     amplitude=Length,
     gamma=(Annotated[float, Field(gt=0, le=MAX_GAMMA)], "peak acceleration over g"),
-    angle=(RockAngle, "about the pivot, to either side: up to 30 deg"),
+    angle=(RockAngle, "angle about the pivot, to either side: up to 30 deg"),
 )
 class Vibration(Weighed, LawTable):
     """[vibration]: motion of the bodies: harmonic, displacement = amplitude sin(2 pi f t), along ``direction`` or as
     one piece about a ``pivot``; or by measured samples of the acceleration.
     """
 
-    direction: AnyAngle = Field(math.pi / 2, description="from the x axis; 90 deg is vertical")
+    direction: AnyAngle = Field(math.pi / 2, description="angle from the x axis; 90 deg is vertical")
     samples: Samples | None = Field(
         None,
         description="instead of frequency and strength: a CSV file (time s, acceleration m/s2), or both as lists",
@@ -441,7 +441,7 @@ class Plumb:
 
     @property
     def gravity(self) -> tuple[float, float]:
-        """m/s2."""
+        """Gravity (x, y), m/s2."""
         return self.strength * float(self.down[0]), self.strength * float(self.down[1])
 
     def turned(self, velocity: Array) -> Array:
@@ -468,7 +468,7 @@ class Plumb:
         return max(0.0, float(min(ways)))
 
     def highest(self, x: Array, radius: Array, slack: float) -> Array:
-        """Up to which height y (n,) m of the upright feed its granules at ``x`` (n,) m, of ``radius`` (n,) m, lie in
+        """Height y (n,) m of the upright feed up to which its granules at ``x`` (n,) m, of ``radius`` (n,) m, lie in
         the channel, ``slack`` (m) below its top and clear of the wall that gravity leads away from.
         """
         top = self.high - slack

@@ -43,13 +43,13 @@ NOTHING = ("None", "nan", "<NA>", "NaT")  # cells of a frame where nothing was m
 class Tray(Table):
     """One tray: what lay in it. Give ``share``, ``mass`` or ``count``."""
 
-    bin: Name = Field(description="that the tray is, or elsewhere")
-    fraction: Name | None = Field(None, description="that was sorted out of it; without one the tray was not sorted")
+    bin: Name = Field(description="bin that the tray is, or elsewhere")
+    fraction: Name | None = Field(None, description="fraction sorted out of it; without one the tray was not sorted")
     share: Annotated[float, Field(ge=0, le=1), SHARE] | None = Field(
-        None, description="of the fraction's mass, or of the whole feed's where the tray was not sorted"
+        None, description="share of the fraction's mass, or of the whole feed's where the tray was not sorted"
     )
     mass: Annotated[float, Field(ge=0, le=MOST)] | None = Field(
-        None, description="in any unit, the same for all trays, or with its unit"
+        None, description="mass in any unit, the same for all trays, or with its unit"
     )
     count: Annotated[int, Field(ge=0, le=int(MOST))] | None = Field(
         None, description="granules, of every tray of the fraction"

@@ -44,9 +44,9 @@ class Curves(Picture):
     """kind = "curves": one quantity of each granule over another."""
 
     kind: Literal["curves"]
-    granules: Annotated[int, Field(ge=1, le=4096)] = Field(TRACKS_RECORDED, description="of each fraction")
-    x: Quantity = Field("time", description="of the horizontal axis")
-    y: Quantity = Field("x", description="of the vertical axis")
+    granules: Annotated[int, Field(ge=1, le=4096)] = Field(TRACKS_RECORDED, description="granules of each fraction")
+    x: Quantity = Field("time", description="quantity on the horizontal axis")
+    y: Quantity = Field("x", description="quantity on the vertical axis")
     origin: Literal["separation", "scene"] = Field(
         "separation", description="separation: time and place are counted from the last contact with a body"
     )
@@ -89,7 +89,7 @@ class Levels(Picture):
 
     kind: Literal["levels"]
     levels: Annotated[list[Coordinate], Field(min_length=1, max_length=200)] = Field(description="heights y")
-    granules: Annotated[int, Field(ge=32, le=4096)] = Field(1024, description="of each fraction")
+    granules: Annotated[int, Field(ge=32, le=4096)] = Field(1024, description="granules of each fraction")
 
 
 AnyPicture = Annotated[Curves | Streamlines | Density | Levels, Field(discriminator="kind")]

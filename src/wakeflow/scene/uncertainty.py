@@ -208,8 +208,8 @@ def _said_twice(uncertainty: UncertaintyTable) -> Iterator[str]:
 
 
 def _impossible(uncertainty: UncertaintyTable) -> Iterator[str]:
-    """No numbers have correlations whose matrix is not positive definite. Made smaller by one factor they can be: with
-    the least eigenvalue v by 1 / (1 - v), and it is the numbers in its eigenvector whose correlations are too large.
+    """Mistake of correlations that no numbers have: their matrix is not positive definite. Made smaller by one factor
+    they can be: with the least eigenvalue v by 1 / (1 - v); those of the numbers in its eigenvector are too large.
     """
     ties = uncertainty.get(TOGETHER, [])
     keys = list(dict.fromkeys(key for tie in ties for key in tie.inputs))

@@ -48,7 +48,7 @@ class FanEfficiency(Table):
     """What part of the electricity a fan, its drive and its motor turn into pressure and flow, over the flow."""
 
     flow: list[AirFlow] = Field(description="rising")
-    efficiency: list[Annotated[float, Field(gt=0, le=1), WithUnit("1", "55 %")]] = Field(description="at each flow")
+    efficiency: list[Annotated[float, Field(gt=0, le=1), WithUnit("1", "55 %")]] = Field(description="one at each flow")
 
     @model_validator(mode="after")
     def _paired(self) -> FanEfficiency:
@@ -57,16 +57,16 @@ class FanEfficiency(Table):
         return self
 
     def at(self, flow: float) -> float:
-        """At a flow (m3/s); beyond the ends that of the end."""
+        """Efficiency at a flow (m3/s); beyond the ends that of the end."""
         return float(np.interp(flow, self.flow, self.efficiency))
 
 
 class LimitTable(Table):
     """[limit]: what the answer is held to, loss.FRACTION = "0.5 %" or dirt.BIN = "2 %": met, not met or open."""
 
-    loss: dict[Name, Portion] = Field({}, description="of a fraction outside its targets, at most, by fraction")
+    loss: dict[Name, Portion] = Field({}, description="share of a fraction outside its targets, at most, by fraction")
     dirt: dict[Name, Portion] = Field(
-        {}, description="of a bin's mass that is of fractions whose target it is not, at most, by bin"
+        {}, description="share of a bin's mass that is of fractions whose target it is not, at most, by bin"
     )
 
     @property
@@ -97,10 +97,10 @@ class PriceTable(Table):
         {},
         description="EUR/t of a fraction in its targets, or by bin, { target = 220, middle = 90 }; nothing elsewhere",
     )
-    electricity: PowerPrice | None = Field(None, description="of the fan")
+    electricity: PowerPrice | None = Field(None, description="price of the fan's electricity")
     fan_efficiency: (
         Annotated[FanEfficiency, Shorthand(str | float, lambda share: {"flow": [0.0], "efficiency": [share]})] | None
-    ) = Field(None, description="of fan, drive and motor together, or a curve: { flow = [...], efficiency = [...] }")
+    ) = Field(None, description="share of fan, drive and motor, or a curve: { flow = [...], efficiency = [...] }")
     other_drop: Drop = Field(0.0, description="pressure that the fan gives beside the channel: ducts, filter, cyclone")
 
     @property
@@ -193,9 +193,9 @@ def _ranks(value: object) -> object:
 class SpanTable(Table):
     """[numerics.span]: what rung 3d computes of the third dimension."""
 
-    depth: Annotated[float, Field(ge=0.5, le=20.0)] = Field(2.5, description="of the periodic span, in body widths")
+    depth: Annotated[float, Field(ge=0.5, le=20.0)] = Field(2.5, description="depth of periodic span, in body widths")
     layers: Annotated[int, Field(ge=4, le=512), UNSET] = Field(
-        0, description="of cells over the span; 8 a body width by default"
+        0, description="layers of cells over the span; 8 a body width by default"
     )
     shedding_cycles: Annotated[float, Field(ge=0.5, le=1000.0)] = Field(
         30.0, description="recorded: of six body widths of travel each, the usual length of a cycle"
@@ -228,7 +228,7 @@ class Numerics(Table):
     snapshots: Annotated[int, Field(ge=0, le=1000)] = Field(
         32, description="moments of a changing airflow in field.pvd; 0: its mean alone"
     )
-    span: SpanTable = Field(SpanTable(), description="of rung 3d")
+    span: SpanTable = Field(SpanTable(), description="third dimension of rung 3d")
 
 
 class ReportTable(Table):
@@ -262,7 +262,7 @@ class SceneTables(Table):
     )
     body: dict[Name, Body] = Field({}, description="without one the air is known, and nothing is solved")
     channel: Channel
-    gravity: Gravity = Field(GRAVITY, description="of a centrifuge, or another planet; its direction is channel.tilt")
+    gravity: Gravity = Field(GRAVITY, description="gravity of a centrifuge or a planet; its direction is channel.tilt")
     air: Air | None = None
     vibration: Vibration | None = None
     feed: Feed

@@ -57,7 +57,7 @@ def bins_across(scene: Scene) -> list[str]:
 
 
 def text_width(text: str, size: float) -> float:
-    """About how wide a text is (inches) at a font size (points)."""
+    """Estimate of a text's width (inches) at a font size (points)."""
     return LETTER * size * len(text) / 72
 
 
@@ -331,7 +331,7 @@ FOREMOST = 16  # fractions that a figure shows: more have no room in it, nor a c
 
 
 def foremost(scene: Scene, names: Sequence[str]) -> list[str]:
-    """Those of ``names`` that a figure has room for, in their order: the fractions with most mass, of those with the
+    """Names that a figure has room for, of ``names`` in their order: the fractions with most mass, of those with the
     same mass some from first to last.
     """
     if len(names) <= FOREMOST:

@@ -64,8 +64,8 @@ class Path2D:
         return cls(time, position, velocity, arriving, float(track["diameter"]))
 
     def cubics(self, i: NDArray[np.int64]) -> Array:
-        """Of the pieces from points ``i`` (k,) to the next ones: what 1, s, s^2 and s^3 are multiplied with, (4, k, 2)
-        m, where s goes from 0 to 1.
+        """Coefficients, by which 1, s, s^2 and s^3 are multiplied, of the pieces from points ``i`` (k,) to the next
+        ones, (4, k, 2) m, where s goes from 0 to 1.
 
         Along a body the velocity at the end is that of the second point; in front of an impact that before it. The one
         is taken that is nearer to what constant acceleration makes of the velocity at the first point.

@@ -233,7 +233,7 @@ def _doubts(table: ResultTable) -> Iterator[str]:
 
 
 def _quantity_head(table: ResultTable, name: str) -> str:
-    """Its parts below each other, and the unit of what is no percentage."""
+    """Head of a column: the parts of its name below each other, and the unit of what is no percentage."""
     head = name.replace(".", "\n")
     return head if is_part(name) or table.names[name] in ("", "1") else f"{head}\n({table.names[name]})"
 

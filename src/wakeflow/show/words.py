@@ -77,7 +77,7 @@ def holds(result: Result) -> str:
 
 
 def calibrated_with(result: Result) -> str:
-    """With what an answer was calibrated, and what the scene says that contradicts it; empty of any other answer."""
+    """What an answer was calibrated with, and what the scene says that contradicts it; empty of any other answer."""
     calibration = result.calibration
     return "" if calibration is None else f"Calibrated with {calibration.source}. {calibration.conflict}".rstrip()
 
@@ -134,7 +134,7 @@ def part_words(number: Number | None) -> str:
 
 
 def part_text(number: Number | None, *, void: bool = False) -> str:
-    """As :func:`percent`, with its sign behind what is a number."""
+    """Text of a part as of :func:`percent`, with its sign behind what is a number."""
     text = percent(number, void=void)
     return text if text in (NO_VALUE, VOID) else f"{text} %"
 
@@ -259,7 +259,7 @@ def difference_text(one: Difference) -> str:
 
 
 def expected(result: Result, place: str) -> list[tuple[str, Number]]:
-    """Whose purity matters in a bin: the fractions that have it as target, else the one that makes up most of it."""
+    """Purities that matter in a bin: of the fractions that have it as target, else the one that makes up most of it."""
     purity = None if result.landings is None else result.landings.separation.purity.get(place)
     if not purity:
         return []

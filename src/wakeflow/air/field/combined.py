@@ -60,7 +60,7 @@ class Wakes:
 
     @cached_property
     def variance(self) -> Array:
-        """Of the velocity of the wake in time (N,) m2/s2."""
+        """Variance of the wake in time at its nodes (N,) m2/s2, of both components of the velocity together."""
         field = self.resolved
         velocity = field.at_knots("velocity") if field.has("coefficients") else field.velocity
         weights = field.time_axis.shares()

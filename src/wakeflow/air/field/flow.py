@@ -291,11 +291,11 @@ class FlowField(Triangles):
         return None
 
     def mapped(self, function: Callable[[Array], Array]) -> FlowField:
-        """The same field with ``function`` applied to every nodal array."""
+        """This field with ``function`` applied to every nodal array."""
         return self.with_values(**{name: function(values) for name, values in nodal(self).items()})
 
     def with_values(self, **changes: Any) -> FlowField:
-        """Another field on the same mesh."""
+        """This field with ``changes`` of its values, on the same mesh."""
         made = replace(self, **changes)
         made.__dict__["geometry"] = self.geometry
         return made

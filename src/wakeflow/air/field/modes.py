@@ -112,7 +112,7 @@ class TimeAxis:
         return weight
 
     def polynomial(self, t: float) -> tuple[float, float, Array]:
-        """See ``FlowField.polynomial``."""
+        """The piece of time from ``t`` (s) on in which a field is a polynomial, as of ``FlowField.polynomial``."""
         if not len(self.times):
             return t, np.inf, np.ones((1, 1))
         if self.coefficients.size:
@@ -185,12 +185,12 @@ class Truncation:
 
     modes: int = column("1", "modes kept")
     knots: int = column("1", "knots of the splines in time")
-    snapshots: int = column("1", "of the loop that was stored")
+    snapshots: int = column("1", "snapshots of the loop that was stored")
     velocity: float = column("1", "velocity cut off: rms over the rms of its fluctuation")
     velocity_max: float = column("1", "largest velocity cut off, over the rms speed of the field")
     pressure: float = column("1", "pressure cut off: rms over the rms of its fluctuation")
     k: float = column("1", "turbulent kinetic energy cut off: rms over its rms")
-    dissipation: float = column("1", "its dissipation cut off: rms over its rms")
+    dissipation: float = column("1", "dissipation of that cut off: rms over its rms")
 
     def __bool__(self) -> bool:
         """Whether it was stored so, :data:`KEPT_WHOLE` being one that was not."""

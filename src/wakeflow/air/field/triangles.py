@@ -209,7 +209,7 @@ class Divergence:
 
 
 def divergence_of(mesh: Triangles, velocity: Array) -> Divergence:
-    """Of the nodal ``velocity`` (N, 2) or (T, N, 2) m/s, linear in every triangle."""
+    """Divergence of the nodal ``velocity`` (N, 2) or (T, N, 2) m/s, which is linear in every triangle."""
     values = np.einsum("mkd,...mkd->...m", mesh.gradients, velocity[..., mesh.triangles, :])
     speed = float(np.sqrt(np.mean(np.sum(velocity**2, axis=-1))))
     relative = np.abs(values) * np.sqrt(2 * mesh.area) / (speed or 1.0)

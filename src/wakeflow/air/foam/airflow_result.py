@@ -20,9 +20,9 @@ class SuctionZone:
 
     threshold: float = column("1", "the pressure coefficient below which air counts")
     cp_min: float = column("1", "lowest pressure coefficient in it")
-    length: float = column("m", "along the air, from the body's rear-most point")
-    width: float = column("m", "across the air")
-    area: float = column("m2", "of both sides together")
+    length: float = column("m", "length along the air, from the body's rear-most point")
+    width: float = column("m", "width across the air")
+    area: float = column("m2", "area of both sides together")
     reversal_length: Known = column(
         "m", "how far behind the body the mean air on its axis runs backwards", default=math.nan
     )
@@ -42,9 +42,9 @@ class MeshMotionSummary:
     to positions less that.
     """
 
-    amplitude: tuple[float, ...] = column("m", "x and y")
+    amplitude: tuple[float, ...] = column("m", "amplitude, x and y")
     omega: float = column("rad/s", "angular frequency")
-    phase: float = column("rad", "at the start of the stored loop")
+    phase: float = column("rad", "phase at the start of the stored loop")
 
     def __bool__(self) -> bool:
         """Whether it moves."""
@@ -106,18 +106,18 @@ class AxisProfiles:
 
 @dataclass(frozen=True)
 class SpanwiseMotion:
-    """Of an airflow in three dimensions: what moves along its span, in the near wake."""
+    """Motion along the span of an airflow in three dimensions, in the near wake."""
 
-    depth: float = column("m", "of the periodic span")
+    depth: float = column("m", "depth of the periodic span")
     layers: int = column("1", "layers of cells over it")
     recorded: float = column("s", "time that means and fields rest on")
-    snapshots: int = column("1", "of all layers in that time")
+    snapshots: int = column("1", "snapshots of all layers in that time")
     w_rms: float = column("air speeds", "rms of the velocity along the span")
     uv_rms: float = column("air speeds", "rms of the other components about their mean over the span")
     quarters: tuple[float, ...] = column("air speeds", "w_rms in each quarter of the time: growing or dying")
-    integral_lengths: tuple[float, ...] = column("m", "along the span: of the velocity across, along the air, spanwise")
+    integral_lengths: tuple[float, ...] = column("m", "lengths along the span: of velocity across, along air, spanwise")
     flown: tuple[int, ...] = column("1", "the layers that granules are flown in, each a plane airflow")
-    axis: AxisProfiles = column("", "on the body's axis")
+    axis: AxisProfiles = column("", "profiles on the body's axis")
 
     def __bool__(self) -> bool:
         """Whether there is a span."""
@@ -165,7 +165,7 @@ class AirflowResult:
     cp_base: Measured = column("1", "base pressure coefficient, behind the first body", default=NO_NUMBER)
     cp_front: Known = column("1", "pressure coefficient at the first body's front", default=math.nan)
     p_inlet: Known = column("Pa", "mean static pressure on the inlet", default=math.nan)
-    pressure_drop: Known = column("Pa", "inlet less outlet", default=math.nan)
+    pressure_drop: Known = column("Pa", "mean pressure, inlet less outlet", default=math.nan)
     flow_rate: Known = column("m2/s", "air flow of the whole channel, per metre of depth", default=math.nan)
     mass_error: Known = column("1", "inflow less outflow, over inflow", default=math.nan)
     suction: Annotated[SuctionZone, Null(NO_SUCTION)] = column(
@@ -179,13 +179,13 @@ class AirflowResult:
     field_time: Text = column("", "what the tracker reads: latest, mean, all or states", default="")
     period: Known = column("s", "length of the stored loop; null when steady", default=math.nan)
     motion: Annotated[MeshMotionSummary, Null(AT_REST)] = column(
-        "", "of the mesh; null where it rests", default=AT_REST
+        "", "motion of the mesh; null where it rests", default=AT_REST
     )
     loop_mismatch: Known = column("1", "rms velocity jump where the loop joins over rms fluctuation", default=math.nan)
     residuals: Shares = column("1", "last residual of every equation", default=dict)
     mesh: Annotated[CheckMesh, Null(UNCHECKED)] = column("", "how good the cells are", default=UNCHECKED)
     statistics: Annotated[RunStatistics, Null(NO_STATISTICS)] = column(
-        "", "of a time-resolved run", default=NO_STATISTICS
+        "", "averages of a time-resolved run", default=NO_STATISTICS
     )
     notes: tuple[str, ...] | None = column("", "what a reader must know of the solution", default=None)
     cd_of: dict[str, float] | None = column("1", "each body's part of cd, where there are several", default=None)
@@ -193,6 +193,6 @@ class AirflowResult:
     attempts: tuple[Attempt, ...] | None = column("", "solutions that failed before", default=None)
     checks: Shares = column("1", "share of every sanity limit that is taken up", default=dict)
     span: Annotated[SpanwiseMotion, Null(IN_PLANE)] = column(
-        "", "of an airflow in three dimensions; null in the plane", default=IN_PLANE
+        "", "motion along the span in three dimensions; null in the plane", default=IN_PLANE
     )
     half: bool | None = column("", "whether a given case is the right half of the channel", default=None)

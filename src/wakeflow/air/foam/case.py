@@ -138,7 +138,7 @@ class FlowSpec:
 
     @property
     def reynolds(self) -> float:
-        """On the first body's projected width and the inlet speed."""
+        """Reynolds number on the first body's projected width and the inlet speed."""
         return self.speed * self.mesh.projected_width * self.density / self.viscosity
 
     @property
@@ -208,7 +208,7 @@ class FlowSpec:
 
 @dataclass(frozen=True)
 class SpanSpec(FlowSpec):
-    """The same resolved in three dimensions (``air.foam.spanwise.span_run``), over a ``span``."""
+    """Air through a meshed channel in three dimensions (``air.foam.spanwise.span_run``), over a ``span``."""
 
     _: KW_ONLY
     span: Span

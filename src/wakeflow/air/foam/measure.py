@@ -50,7 +50,7 @@ class AxisCrossings:
 
     @classmethod
     def of(cls, spec: FlowSpec, points: Array, triangles: NDArray[np.intp]) -> AxisCrossings:
-        """Those of the mesh of ``triangles`` (t, 3) between ``points`` (n, 2) m."""
+        """Crossings of the mesh of ``triangles`` (t, 3) between ``points`` (n, 2) m."""
         middle, _, rear = axis_points(spec)
         size = spec.mesh.projected_width
         x, s = points[:, 0] - middle - ASIDE * size, spec.along * points[:, 1]
@@ -68,7 +68,7 @@ class AxisCrossings:
         return np.asarray(first + self.share * (second - first))
 
     def at(self, behind: Array, nodes: Array) -> Array:
-        """The same at ``behind`` (q,) m from the rear: linear from one crossing to the next."""
+        """Values at ``behind`` (q,) m from the rear: linear from one crossing to the next."""
         return np.interp(behind, self.behind, self.values(nodes))
 
 
@@ -244,7 +244,7 @@ class Edges(NamedTuple):
 
     @classmethod
     def of(cls, fields: CaseFields) -> Edges:
-        """Those of a case written by this program, by the names of its patches."""
+        """Boundary edges of a case written by this program, by the names of its patches."""
         plane = fields.mesh.plane
         body = plane.on(*(name for name in plane.patches if name.startswith("body_")))
         return cls(plane.on("inlet"), plane.on("outlet"), fields.wall & body)

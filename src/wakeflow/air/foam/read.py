@@ -39,7 +39,7 @@ def every_time(case: Path) -> list[Path]:
 
 
 def time_folders(case: Path) -> list[Path]:
-    """Those of :func:`every_time` that hold a velocity."""
+    """The time folders that :func:`every_time` finds and that hold a velocity."""
     return [path for path in every_time(case) if any((path / name).exists() for name in ("U", "U.gz"))]
 
 

@@ -1,4 +1,4 @@
-"""From cell values to node values, second order up to the walls.
+"""Node values from cell values, second order up to the walls.
 
 A node's value is that of a weighted linear least-squares fit through the cells around it and, where the caller says so,
 through values known on boundary faces: exact for linear fields everywhere, corners included. The weights depend on the

@@ -67,7 +67,7 @@ class Check:
 
     @property
     def holds(self) -> bool:
-        """False for NaN too."""
+        """Whether the value lies within its limits; False for NaN too."""
         return bool(self.low <= self.value <= self.high)
 
     @property
@@ -131,7 +131,7 @@ def friction(spec: FlowSpec) -> float:
 
 
 def check_finite(folder: Path) -> None:
-    """Every number in the stored velocities and pressures is finite. Raises AirflowFailure."""
+    """Check that every number in the stored velocities and pressures is finite. Raises AirflowFailure."""
     fields = CaseFields(folder)
     try:
         for path in time_folders(folder):

@@ -126,7 +126,7 @@ def _check_channel(spec: FlowSpec, plane: PlaneMesh) -> None:
 
 
 def _check_bodies(spec: FlowSpec, plane: PlaneMesh, wall: NDArray[np.bool_]) -> None:
-    """Every corner of a body lies on a wall of the case, and every wall in the channel on a body."""
+    """Check that every corner of a body lies on a wall of the case, and every wall in the channel on a body."""
     slack = MATCH * spec.mesh.projected_width
     nodes = plane.points[np.unique(plane.faces[wall])]
     outlines = [np.array(outline) for outline in spec.mesh.bodies]

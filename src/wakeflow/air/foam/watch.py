@@ -154,7 +154,7 @@ class Watch:
         self.judged = max(until, self.judged)
 
     def _fail(self, cause: Cause, why: str) -> None:
-        """Something in the log; an impossible drag before it was there first."""
+        """Raise for something in the log; for an impossible drag where that was there first."""
         self._judge(self.now)
         self._raise(cause, why)
 
@@ -168,7 +168,7 @@ class Watch:
 
 
 def _reynolds(folder: Path) -> float:
-    """Of the case, from its parameters; 1 without them."""
+    """Reynolds number of the case, from its parameters; 1 without them."""
     values = read_parameters(folder)
     numbers = [abs(float(values[name])) for name in ("inletSpeed", "bodyWidth", "nu") if name in values]
     return numbers[0] * numbers[1] / numbers[2] if len(numbers) == 3 else 1.0

@@ -59,11 +59,11 @@ class Realisations:
 
     @property
     def period(self) -> float:
-        """Over which granules are released (s); 0 in a steady airflow and in a vacuum."""
+        """Time (s) over which granules are released; 0 in a steady airflow and in a vacuum."""
         return 0.0 if self.field is None else self.field.period
 
     def make(self, number: int) -> FlowField | None:
-        """One of the fields. Raises SceneError where its period is not the first one's."""
+        """Make the field of this ``number``. Raises SceneError where its period is not the first one's."""
         if number == 0:
             return self.field
         made = self.others[number - 1]()
@@ -72,7 +72,7 @@ class Realisations:
         return made
 
     def mapped(self, change: Callable[[FlowField], FlowField]) -> Realisations:
-        """The same realisations with ``change`` applied to each field."""
+        """These realisations with ``change`` applied to each field."""
         if self.field is None:
             return self
         others = tuple(partial(_changed, change, other) for other in self.others)
@@ -205,7 +205,7 @@ class FlownAir(ABC):
 
     @property
     def in_case(self) -> CaseAir:
-        """This air, which is in an OpenFOAM case. Raises SceneError where it is not."""
+        """This air as one in an OpenFOAM case. Raises SceneError where it is in none."""
         raise SceneError(f"airflow {self.plan.airflow.kind}: it has neither mesh nor OpenFOAM case")
 
     @property
@@ -309,8 +309,8 @@ class StoredFields(NamedTuple):
 
 
 def plane_fields(air: CaseAir) -> StoredFields:
-    """Those of a plane airflow: field.npz, and state-N.npz for each late state of one that does not settle. Its cycles
-    are whole shedding periods of the loop that the case keeps.
+    """Stored fields of a plane airflow: field.npz, and state-N.npz for each late state of one that does not settle. Its
+    cycles are whole shedding periods of the loop that the case keeps.
     """
 
     def write(part: Path) -> None:
@@ -332,7 +332,7 @@ def plane_fields(air: CaseAir) -> StoredFields:
 
 
 def layer_fields(air: CaseAir, span: Span) -> StoredFields:
-    """Those of an airflow in three dimensions: the layers that are flown in, each a plane wake.
+    """Stored fields of an airflow in three dimensions: the layers that are flown in, each a plane wake.
 
     Its cycles are the parts of a layer's period that count as independent: as many, over all layers, as there were
     sheddings. Layers of one run shed together, so that they are no further samples of that.

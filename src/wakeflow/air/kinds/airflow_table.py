@@ -31,7 +31,7 @@ class GridEstimate(Number):
     order: Known = column("1", "observed order of convergence; null where none was")
     kind: str = column("", "richardson, two-grid, range-oscillating or range-statistics")
     why: str = column("", "the kind in words")
-    extrapolated: Known = column("as the quantity", "to cells of no size", default=math.nan)
+    extrapolated: Known = column("as the quantity", "value at cells of no size", default=math.nan)
     gci_fine: Known = column("as the quantity", "half band between the two finest grids", default=math.nan)
     gci_coarse: Known = column("as the quantity", "half band between the second and the third grid", default=math.nan)
     asymptotic: Known = column(
@@ -39,7 +39,7 @@ class GridEstimate(Number):
         default=math.nan,
     )  # fmt: skip
     noise: float = column(
-        "as the quantity", "of half the interval: by statistics alone, were the grids alike", default=0.0
+        "as the quantity", "part of half the interval: by statistics alone, were the grids alike", default=0.0
     )
 
 
@@ -104,7 +104,7 @@ NO_ENDS = WakeEnds(*[WakeEnd(NO_NUMBER, NO_NUMBER, NO_NUMBER, NO_SUCTION)] * 2)
 class FanSummary:
     """Where the fan's curve meets the machine's pressure drop, the channel's as the airflow has it."""
 
-    point: FanPoint = column("", "at the speed that the air was computed at")
+    point: FanPoint = column("", "point at the speed that the air was computed at")
     channel: float = column("Pa", "drop of the channel, as computed at that speed")
     meets: Known = column("m/s", "speed at which the curves meet by that drop; null where they do not")
 
@@ -120,8 +120,8 @@ class AirLoadingSummary:
 
     passes: int = column("1", "solutions of the steady airflow under the force; the last by granules that meet, if any")
     change: float = column("1", "largest change of a share in the steady airflow by the last pass")
-    force: tuple[float, ...] = column("N/m", "x and y, of all granules on the air of the last pass, per metre of depth")
-    given: float = column("N/m", "y, given to the air of the last pass")
+    force: tuple[float, ...] = column("N/m", "force x, y of all granules on air of the last pass, per metre of depth")
+    given: float = column("N/m", "force, y, given to the air of the last pass")
     imbalance: float = column("1", "force less what the granules lost, over the latter")
     unanswered: float = column(
         "1", "how far the force gathered in the air of the last pass is from what that air was given, over the former"
@@ -133,7 +133,7 @@ class AirLoadingSummary:
         "1", "drag coefficient of the steady airflow without the force; null without a body", default=NO_NUMBER
     )
     cd: Measured = column("1", "drag coefficient of the steady airflow with it; null without a body", default=NO_NUMBER)
-    verdict: str = column("", "of the steady airflow with it; driven where nothing else moves the air", default="")
+    verdict: str = column("", "kind of the steady airflow with it; driven where nothing else moves the air", default="")
     cells: int = column("1", "mesh cells that feel a force; 0 where nothing is meshed", default=0)
     sources: int = column("1", "sources in OpenFOAM's momentum equation; 0 where it is not solved", default=0)
     speed: float = column(
@@ -163,9 +163,9 @@ class Airflow(AirflowResult):
     loading: AirLoadingSummary | None = column(
         "", "the granules' force that it is solved under; null where the air does not feel them", default=None
     )
-    divergence: FieldDivergence | None = column("", "of the field that the tracker reads", default=None)
+    divergence: FieldDivergence | None = column("", "divergence of the field that the tracker reads", default=None)
     truncation: Annotated[Truncation, Null(KEPT_WHOLE)] = column(
-        "", "of a time-resolved field; null for a steady one", default=KEPT_WHOLE
+        "", "loss of a time-resolved field; null for a steady one", default=KEPT_WHOLE
     )
 
     @property

@@ -60,7 +60,7 @@ class BlendedAir(MadeOf):
 
     @cached_property
     def wakes(self) -> Wakes:
-        """Both, to be blended."""
+        """Both wakes, the steady one and the one in time, to be blended."""
         return Wakes(self.bare.field, self.steady.field)
 
     def between(self, theta: float, strength: float) -> FlowField:
@@ -124,7 +124,7 @@ def _between(share: Number, steady: Number, resolved: Number) -> Number:
 
 
 def _ends(number: Number) -> tuple[float, float, float]:
-    """Low, value and high; the value itself for ends that are not known."""
+    """Low end, value and high end of a number; three times the value where its ends are not known."""
     value, low, high = number
     return (low, value, high) if number.known else (value, value, value)
 

@@ -1,4 +1,4 @@
-"""From OpenFOAM's solutions to the field on triangles that granules fly through."""
+"""The field on triangles that granules fly through, made of OpenFOAM's solutions."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ class GivenAir(CaseAir):
         return bool(self.measured.half)
 
     def make_solution(self) -> tuple[str, Path]:
-        """Its files are in the key: a new solution counts."""
+        """Key and folder of what was measured on the case. Its files are in the key: a new solution counts."""
         from ..foam.user_case import case_files, measure_given
 
         time = self.scene.airstream.time or "latest"

@@ -89,8 +89,8 @@ class SolvedAir(CaseAir):
         return self._solved(self.made_as, key, spec, start, force=force)
 
     def solved_on(self, force: ForceDensity, before: CaseAir, most: int = MOST) -> tuple[str, Path]:
-        """The same, steady, from a solved one ``before`` and with the settings that served there, in at ``most`` so
-        many iterations.
+        """Key and folder of the steady airflow under a ``force``, solved from a solved one ``before`` with the settings
+        that served there, in at ``most`` so many iterations.
         """
         from ..foam.airflow import schemes_in
 

@@ -37,7 +37,7 @@ class FlatMesh:
     names: tuple[str, ...]
 
     def without_flat_quads(self) -> FlatMesh:
-        """The same mesh, quads with an angle above FLAT degrees cut into two triangles from that corner."""
+        """This mesh with quads that have an angle above FLAT degrees cut into two triangles from that corner."""
         angle = np.degrees(angles(self.points[self.quads])) % 360
         flat = angle.max(axis=1) > FLAT
         order = (angle[flat].argmax(axis=1)[:, None] + np.arange(4)) % 4
@@ -51,7 +51,7 @@ class FlatMesh:
         return bool((turn > 0).all() or (turn < 0).all())
 
     def ordered(self) -> FlatMesh:
-        """The same mesh, points and cells numbered so that neighbours stand near to each other.
+        """This mesh with points and cells numbered so that neighbours stand near to each other.
 
         Reverse Cuthill-McKee on the points: OpenFOAM's solvers run through memory in this order, and its Gauss-Seidel
         smoothers sweep along it.

@@ -110,7 +110,7 @@ class MeshSpec:
         return ("inlet", "outlet", *sides, *openings, *(f"body_{name}" for name in self.names), "front", "back")
 
     def scaled(self, factor: float) -> MeshSpec:
-        """The same spec with the cell edge multiplied by ``factor`` everywhere, growth included (for grid studies)."""
+        """This spec with the cell edge multiplied by ``factor`` everywhere, growth included (for grid studies)."""
         names = ("h_body", "h_corner", "h_wake", "h_far", "h_end", "h_wall", "growth", "of_edge", "of_gap")
         longer: dict[str, Any] = {name: getattr(self, name) * factor for name in names}
         return replace(self, **longer)

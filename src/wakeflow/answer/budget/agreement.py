@@ -92,7 +92,7 @@ class Agreement:
 
     @property
     def verdict(self) -> Agrees:
-        """Agrees, disagrees, or cannot tell."""
+        """Whether answer and trays agree, disagree, or nothing can be told."""
         return DISAGREES if self.chance < RARE else CANNOT_TELL if self.notices > COARSE else AGREES
 
     @property
@@ -120,8 +120,8 @@ def weights_in(joint: JointAnswer, measured: Measured) -> Array:
 
 
 def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = None) -> Agreement:
-    """Of ``measured`` shares with a joint answer that knows nothing of them; ``missed``: covariance (shares, shares) of
-    what the model itself may miss.
+    """Agreement of ``measured`` shares with a joint answer that knows nothing of them; ``missed``: covariance (shares,
+    shares) of what the model itself may miss.
 
     How probable a misfit as large is, is counted over the draws, each measured as the trays were: shares are seldom
     normal. Raises SceneError for a tray of a fraction or bin that there is not.
@@ -160,8 +160,8 @@ def inverse_of(covariance: Array) -> tuple[Array, int]:
 
 
 def agreement_in(result: Result, measured: Measured) -> Agreement:
-    """Of ``measured`` shares with a finished run. Raises SceneError where that ended before its shares, or has no such
-    fraction or bin.
+    """Agreement of ``measured`` shares with a finished run. Raises SceneError where that ended before its shares, or
+    has no such fraction or bin.
     """
     return agreement_of(result.joint, measured)
 

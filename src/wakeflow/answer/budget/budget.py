@@ -62,8 +62,8 @@ def _needs_more(flights: Flights, slab: SlabFound, most: int) -> bool:
 
 
 def gain_by_replicates(parts: Parts, groups: int) -> float:
-    """By which part twice as many replicates than ``groups`` would lower the errors of shares, of which the ``parts``
-    of each bin of each fraction are known: the root of their squares over a fraction's bins, in the mean over the
+    """Part by which twice as many replicates as ``groups`` would lower the errors of shares, of which the ``parts`` of
+    each bin of each fraction are known: the root of their squares over a fraction's bins, in the mean over the
     fractions. Student's t falls with the sampling error itself.
     """
     falls = student(2 * groups - 1) / student(groups - 1) / math.sqrt(2.0)
@@ -159,7 +159,7 @@ def _cure(small: Mapping[str, float]) -> str:
 
 
 def total_notices(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
-    """One for each fraction whose small terms, left out one by one, add up to more than the accuracy asked for."""
+    """A notice for each fraction whose small terms, left out one by one, add up to more than the accuracy asked for."""
     worst: dict[str, tuple[float, str]] = {}  # by fraction the largest sum, and what there is to say of it
     for row in rows:
         small = {part.source: part.size for part in row.parts if part.kind == LEFT_OUT}

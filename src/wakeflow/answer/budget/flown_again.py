@@ -117,8 +117,8 @@ class AmongOthers:
         return list(points_of(free_ends(self.scene)))
 
     def factor(self, name: str) -> float:
-        """On what a shift alone moves of the shares of fraction ``name``: one for all bins, since at an end near which
-        hardly any land a shift is no longer small. 1 where no bin has an end that granules pass.
+        """Factor on what a shift alone moves of the shares of fraction ``name``: one for all bins, since at an end near
+        which hardly any land a shift is no longer small. 1 where no bin has an end that granules pass.
         """
         if not self._ends:
             return 1.0

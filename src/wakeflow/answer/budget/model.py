@@ -89,7 +89,7 @@ def _in_wake(wake: Wake, *numbers: float) -> PerturbedRerun:
 
 
 def loading_effects(loading: AirLoading, bins: Sequence[str]) -> dict[str, dict[str, LoadingEffect]]:
-    """Of every fraction in every one of the ``bins``, elsewhere included, by their names in order."""
+    """Effects on the share of each fraction in each of the ``bins``, elsewhere included, by their names in order."""
     last = loading.passes[-1].gathered.shares
     pairs = {name: zip(shares, last[name], strict=True) for name, shares in loading.first.shares.items()}
     return {name: {bin_: LoadingEffect(*pair) for bin_, pair in zip(bins, both, strict=True)}

@@ -100,7 +100,7 @@ class _BetweenGranules(_SlabAgain):
         )
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
-        """No setting makes a number of the scene better known."""
+        """The size of the ``part`` as it is: no setting makes a number of the scene better known."""
         return part.size
 
 
@@ -154,7 +154,7 @@ def shows(changed: SlabFound, slab: SlabFound, bins: int) -> bool:
 
 
 def beyond_chance(changed: np.ndarray, usual: np.ndarray, *, paired: bool, part: float = 1.0) -> tuple[float, str]:
-    """Of the difference of two means, of which a ``part`` is the error, what is beyond chance, with its sign, and what
+    """What is beyond chance of the difference of two means, of which a ``part`` is the error, with its sign, and what
     was compared in words; the whole difference where too few replicates show no chance.
     """
     apart = float(changed.mean() - usual.mean())

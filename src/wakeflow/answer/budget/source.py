@@ -77,8 +77,8 @@ class Source(Generic[Flown]):
         return sum(fraction.pipeline.spent(rerun.name) for rerun, _ in flown)
 
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
-        """Of what :meth:`fly` asks ``pipeline`` for, the stages that need not wait for the answer's own airflow:
-        another core makes them meanwhile, and ``fly`` finds them in the cache.
+        """Stages that :meth:`fly` asks ``pipeline`` for and that need not wait for the answer's own airflow: another
+        core makes them meanwhile, and ``fly`` finds them in the cache.
         """
         return ()
 
@@ -87,8 +87,8 @@ class Source(Generic[Flown]):
         return {}
 
     def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
-        """This source in the joint answer, where it knows how the errors of shares go together; none where it does not:
-        what one bin of a fraction has too much, its others then lack.
+        """Columns of this source in the joint answer, where it knows how the errors of shares go together; none where
+        it does not: what one bin of a fraction has too much, its others then lack.
         """
         return ()
 
@@ -137,7 +137,7 @@ class Flights:
 
     @cached_property
     def factors(self) -> dict[str, float]:
-        """On what a shift alone moves of each fraction's shares, where granules meet; empty where each flies alone."""
+        """Factor on what a shift alone moves of a fraction's shares, if granules meet; empty where each flies alone."""
         scene, alone = self.pipeline.scene, self.tracked.landings
         both = [AmongOthers(scene, alone, crowd.landings) for crowd in self.slab]
         return {name: among.factor(name) for among in both for name in self.landings}
@@ -163,7 +163,7 @@ class Flights:
 
     @property
     def landings(self) -> Mapping[str, Landings]:
-        """The answer's: of granules that meet where they do, else of each alone."""
+        """Landings of the answer: of granules that meet where they do, else of each alone."""
         return self.slab[0].landings if self.slab else self.tracked.landings
 
     @property
@@ -185,7 +185,7 @@ class FractionResults:
 
     @cached_property
     def shares(self) -> dict[str, float]:
-        """Its share in every bin, and elsewhere."""
+        """Share of the fraction in every bin, and elsewhere."""
         row = self.answer.value[self.answer.joint.fractions.index(self.name)]
         return dict(zip(self.answer.names, map(float, row), strict=True))
 

@@ -160,7 +160,7 @@ def _mesh(folder: Path) -> str:
 
 
 def _solve(folder: Path) -> str:
-    """Two iterations and two time steps on the triangle's mesh, with all that a run measures on its way."""
+    """Solve two iterations and two time steps on the triangle's mesh, with all that a run measures on its way."""
     from ...air.foam.case import FlowSpec
     from ...air.foam.programs import openfoam_version
     from ...air.foam.solver import run_segment

@@ -39,7 +39,7 @@ class Steps:
     contact: float
 
     def of(self, time: float) -> int:
-        """Whole steps nearest to ``time`` (s), at least one."""
+        """Number of whole steps nearest to ``time`` (s), at least one."""
         return max(1, round(time / self.dt))
 
 

@@ -200,5 +200,5 @@ class FilmStage:
 
 
 def _whole(number: float) -> float:
-    """To two digits: a number that is reported, not computed with."""
+    """Round to two digits a number that is reported, not computed with."""
     return float(f"{number:.2g}")

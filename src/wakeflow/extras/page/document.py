@@ -231,7 +231,7 @@ def _read(path: Path) -> str:
 
 
 def _look(text: str, name: str, base: Path) -> Look:
-    """As :meth:`Scene.load` reads a file."""
+    """Look at a text as :meth:`Scene.load` reads a file."""
     try:
         data = toml_of(text, name)
     except SceneError as problem:

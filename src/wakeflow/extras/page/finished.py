@@ -59,7 +59,7 @@ class StoredLandings:
 
     @classmethod
     def of(cls, result: Result) -> StoredLandings:
-        """Those that a run keeps. Raises SceneError where it ended before its shares, or keeps none."""
+        """Landings that a run keeps. Raises SceneError where it ended before its shares, or keeps none."""
         if result.landings is None:
             raise SceneError(f"{result.folder} holds no shares: the run ended before them")
         scene, data = Scene.parse(result.scene).with_top(), kept_granules(result.folder)
@@ -78,7 +78,7 @@ class StoredLandings:
         return {name: bin_.ends for name, bin_ in self.scene.on_sides().items() if bin_.keeps_part is None}
 
     def profile(self, cells: int = 80) -> dict[str, dict[str, list[float]]]:
-        """By side with bins and by fraction: the share of its mass that lands in each of ``cells`` along the side."""
+        """Share of a fraction's mass that lands in each of ``cells`` along a side, by side with bins and fraction."""
         sides: dict[str, dict[str, list[float]]] = {}
         for on in dict.fromkeys(bin_.on for bin_ in self.scene.on_sides().values()):
             number = SIDES.index(on)
@@ -132,7 +132,7 @@ class FinishedRuns:
         return _landings_in(folder, (folder / FILE).stat().st_mtime_ns)
 
     def landings(self, *, run: str) -> dict[str, object]:
-        """Of a finished ``run``: where its granules landed, its dividers, its shares."""
+        """What the page shows of a finished ``run``: where its granules landed, its dividers, its shares."""
         stored = self._stored(run)
         scene, channel = stored.scene, stored.scene.channel
         with self._drawing:
@@ -226,7 +226,7 @@ def _landings_in(folder: Path, _: int) -> StoredLandings:
 
 
 def _verdicts(stored: StoredLandings, ends: Ends, shares: Separation) -> list[str]:
-    """Of each limit of a run whether it is kept with its bins between ``ends``, in the words of the report."""
+    """Whether each limit of a run is kept with its bins between ``ends``, in the words of the report."""
     result = stored.result
     if dict(ends) == stored.ends:
         return verdict_lines(result)
@@ -241,8 +241,8 @@ ACROSS = 24  # arrows over the width of the channel
 
 
 def within(result: Result) -> dict[str, object]:
-    """By fraction the places (m) of some tracks; the mean ``air`` as rows x, y (m), u, v (m/s), none without air.
-    Raises SceneError where the run left no report to draw from.
+    """Places (m) of some tracks by fraction; the mean ``air`` as rows x, y (m), u, v (m/s), none without air. Raises
+    SceneError where the run left no report to draw from.
     """
     outcome = outcome_of(result)
     channel = outcome.scene.channel

@@ -33,7 +33,7 @@ class Handle:
     move: Move
 
     def table(self) -> dict[str, object]:
-        """For the page."""
+        """Table of the handle for the page."""
         return {"name": self.name, "label": self.label, "key": self.key, "at": self.point, "ways": self.ways}
 
 
@@ -143,13 +143,13 @@ def _corner(key: str, body: Body, which: int, x: float, y: float) -> Changes:
 
 
 def _plate(key: str, body: Body, x: float, y: float) -> Changes:
-    """Its lower end is dragged: half of its length and its fall from the middle."""
+    """Length and slope of a plate whose lower end is dragged: half of its length and its fall from the middle."""
     right, down = abs(x - body.at[0]), body.at[1] - y
     return {f"{key}.length": 2.0 * math.hypot(right, down), f"{key}.slope_angle": math.atan2(down, right)}
 
 
 def _slope(key: str, body: Body, _: float, y: float) -> Changes:
-    """Its top is dragged: what stands over the centre is a fixed part of the height of either shape."""
+    """Height or slope of a body whose top is dragged: what stands over the centre is a fixed part of its height."""
     grown = max(y - body.at[1], 1e-9) / (float(body.outline()[:, 1].max()) - body.at[1])
     given = body.given
     if "height" in given:

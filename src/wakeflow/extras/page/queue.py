@@ -43,7 +43,7 @@ class Run:
     progress: Mapping[str, Any] = field(default_factory=dict)
 
     def table(self) -> dict[str, object]:
-        """For the page."""
+        """Table of the run for the page."""
         return {
             **self.progress, "number": self.number, "name": self.name, "folder": self.folder.name, "kind": self.kind,
             "state": self.state, "told": self.told,
@@ -123,7 +123,7 @@ class RunQueue:
         return match
 
     def _waiting(self) -> Iterator[Run]:
-        """Each run that waits, as soon as there is one, until the end of the thread."""
+        """Yield each run that waits, as soon as there is one, until the end of the thread."""
         while not self._over:
             with self._wake:
                 self._wake.wait_for(lambda: self._over or any(run.state == WAITS for run in self.runs))

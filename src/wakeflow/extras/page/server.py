@@ -116,7 +116,7 @@ class Page:
             self.working, self.heard = self.working - 1, True
 
     async def serve(self) -> None:
-        """Until the last page is closed and nothing is computed, or the process is asked to end."""
+        """Serve until the last page is closed and nothing is computed, or the process is asked to end."""
         quiet = 0.0
         while not self.ended.is_set():
             await self.loop.run_in_executor(self._quick, self.session.watch)
@@ -136,7 +136,7 @@ class Page:
 
 
 def _log(handler: RequestHandler) -> None:
-    """Only what fails here is worth a line where ``wakeflow open`` was started."""
+    """Log only what fails here, which is worth a line where ``wakeflow open`` was started."""
     if handler.get_status() >= 500:
         sys.stderr.write(f"wakeflow: {handler.request.method} {handler.request.path.rpartition('/')[2]} failed\n")
 
@@ -181,7 +181,7 @@ class _Guarded(RequestHandler):
 
 
 class _Nothing(_Guarded):
-    """Whatever has no token in its path."""
+    """Refuses whatever has no token in its path."""
 
     def prepare(self) -> None:
         raise HTTPError(403)

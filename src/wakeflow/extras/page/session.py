@@ -351,7 +351,7 @@ def _notes(plan: Plan) -> dict[str, list[str]]:
 
 
 def _falls(plan: Plan, scene: Scene) -> list[dict[str, object]]:
-    """Of each fraction its terminal velocity (m/s) and what the air does with it far from the bodies."""
+    """Terminal velocity (m/s) of each fraction and what the air does with it far from the bodies."""
     rows: list[dict[str, object]] = []
     for name, fraction in plan.fractions.items():
         speed = fraction.terminal_velocity

@@ -116,7 +116,7 @@ def said(changes: Mapping[str, object], scene: JsonTable) -> str:
 
 
 def differs(before: JsonTable, now: JsonTable) -> str:
-    """In what a run's scene differs from another: a few keys with both values, and how many more."""
+    """What differs in a run's scene from another: a few keys with both values, and how many more."""
     keys = [key for key in dict.fromkeys([*now, *before]) if before.get(key) != now.get(key)]
     changes = [f"{_key(key)} {_value(key, before.get(key))} → {_value(key, now.get(key))}" for key in keys[:TOLD]]
     return ", ".join(changes) + (f" and {len(keys) - TOLD} more" if len(keys) > TOLD else "")

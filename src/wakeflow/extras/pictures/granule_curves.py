@@ -117,7 +117,7 @@ def _rows(curves: list[_Curve]) -> Iterator[tuple[object, ...]]:
 
 
 def _numbers(picture: Curves, curves: list[_Curve]) -> dict[str, object]:
-    """At the drop: time, x and vx of each fraction's chosen granule, and the range of x over all; the ratio of x."""
+    """Numbers at the drop: time, x, vx of each fraction's chosen granule, the range of x over all; the ratio of x."""
     if not picture.drop:
         return {}
     table: JsonTable = {"drop": picture.drop, "fractions": {}}

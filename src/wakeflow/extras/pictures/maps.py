@@ -156,7 +156,7 @@ def _flux_rows(x: Array, y: Array, values: list[Array]) -> Iterator[tuple[object
 
 
 def _through(view: View) -> dict[str, dict[str, float]]:
-    """By fraction the share of granules whose track enters the suction zone, and the reversed flow, of the mean air."""
+    """Share of granules, by fraction, whose track enters the suction zone, and the reversed flow, of the mean air."""
     from matplotlib.tri import LinearTriInterpolator
 
     if not (air := air_with_pressure(view.outcome)):

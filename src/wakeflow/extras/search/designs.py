@@ -214,7 +214,7 @@ def affordable(task: SearchTask, tell: Callable[[str], None]) -> tuple[SearchTas
 
 
 def _paid(prices: Sequence[float], budget: float) -> int:
-    """Of how many levels, the coarsest first, a ``budget`` pays for a design of each."""
+    """Number of levels, the coarsest first, for which a ``budget`` pays a design of each."""
     return sum(sum(prices[: level + 1]) <= budget for level in range(len(prices)))
 
 

@@ -110,8 +110,8 @@ class History:
         return sorted(able, key=lambda place: tuple(known[place].losses))
 
     def recommended(self, level: int = -1) -> DesignPoint:
-        """Of the designs that no other beats by its values the one that is nearest to the best of every goal, each in
-        units of its range over them; empty where nothing could be computed.
+        """Design, of those that no other beats by its values, that is nearest to the best of every goal, each in units
+        of its range over them; empty where nothing could be computed.
         """
         kept = self._kept(level)
         best = [a for a, known in kept.items() if not any(_dominates(b.losses, known.losses) for b in kept.values())]

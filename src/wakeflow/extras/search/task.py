@@ -47,7 +47,7 @@ class QuantityLimit:
     most: float = math.inf
 
     def excess(self, value: float) -> float:
-        """By how much a value breaks the limit; 0 or less where it keeps it."""
+        """Amount by which a value breaks the limit; 0 or less where it keeps it."""
         return max(self.least - value, value - self.most)
 
 

@@ -100,8 +100,8 @@ def met_up_to(table: ResultTable, limits: Mapping[str, float]) -> dict[str, floa
 
 
 def met_at(table: ResultTable, limits: Mapping[str, float]) -> dict[str, Counter[str]]:
-    """At how many settings of a map each of the ``limits`` is met, not met or open: as of a single run, it is open
-    where the limit lies within the interval, and where anything is against the answer.
+    """Number of settings of a map at which each of the ``limits`` is met, not met or open: as of a single run, it is
+    open where the limit lies within the interval, and where anything is against the answer.
     """
     return {
         name: Counter(
@@ -140,14 +140,14 @@ def _swept(
 
 
 def met_lines(met: Mapping[str, float], limits: Mapping[str, float]) -> list[str]:
-    """Up to which feed rate (kg/s) each limit is met, a line each."""
+    """Words on the feed rate (kg/s) up to which each limit is met, a line each."""
     rates = {name: f"up to {say(3600.0 * rate, 'kg/h', 4)}" if rate else "at none of these rates"
              for name, rate in met.items()}  # fmt: skip
     return [f"{name} at most {100 * limits[name]:.4g} %: met {until}" for name, until in rates.items()]
 
 
 def counted_lines(counts: Mapping[str, Mapping[str, int]], limits: Mapping[str, float]) -> list[str]:
-    """At how many settings each limit is met, not met and open, a line each."""
+    """Words on the number of settings at which each limit is met, not met and open, a line each."""
     verdicts = {
         name: ", ".join(f"{verdict} at {count}" for verdict, count in row.items()) for name, row in counts.items()
     }

@@ -73,7 +73,7 @@ class Sensitivity:
 
     @property
     def main(self) -> list[str]:
-        """Of each fraction the share that the inputs move most."""
+        """Name of each fraction's recovery; without one that of the share that the inputs move most."""
         return least_sure(self.by_quantity)
 
     def of(self, quantities: Sequence[str]) -> dict[str, list[InputMove]]:
@@ -95,7 +95,7 @@ class Sensitivity:
         return 1.0 - sum(indices) if indices and sum(indices) < EXPLAINED else None
 
     def remaining(self, known: Mapping[str, float | str] | None = None) -> dict[str, list[Remaining]]:
-        """By fraction what measuring inputs would leave of the interval of its recovery, the largest first: each
+        """What measuring inputs would leave of the interval of each fraction's recovery, the largest first: each
         exactly, or, of ``known``, each to half of a 95 % interval (a number in SI units, or a text with its unit).
 
         Raises SceneError for a key that is no unknown of the run, or a half that is none.

@@ -177,7 +177,7 @@ def inputs_after(update: Updated) -> dict[str, CalibratedInput]:
 
 
 def correlations_after(update: Updated) -> Iterator[tuple[str, str, float]]:
-    """Of each pair of inputs that learnt something, the strongest first."""
+    """Correlation of each pair of inputs that learnt something, the strongest first."""
     apart = update.z.std(axis=0) / np.maximum(update.before.z.std(axis=0), 1e-12)
     learnt = [i for i, size in enumerate(apart) if 0.0 < size < TELLS]
     together = np.atleast_2d(np.corrcoef(update.z.T))
@@ -196,8 +196,8 @@ def widest_recovery(joint: JointAnswer) -> tuple[str, Of]:
 
 
 def wider_without(update: Updated, measured: Measured) -> list[tuple[str, float]]:
-    """Of each tray how many times wider the interval of the recovery that was known worst would be without it; never
-    wider than with no tray at all.
+    """Factor, for each tray, by which the interval of the recovery that was known worst would be wider without it;
+    never wider than with no tray at all.
     """
     before, weights = update.before, weights_in(update.before, measured)
     of = widest_recovery(before)[1]

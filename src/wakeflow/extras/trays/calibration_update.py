@@ -105,7 +105,7 @@ def covariance_of_missed(joint: JointAnswer, half: float) -> Array:
 
 
 def agreement_with(joint: JointAnswer, measured: Measured, discrepancy: float) -> Agreement:
-    """Of ``measured`` shares with a joint answer whose model may miss shares by a ``discrepancy``."""
+    """Agreement of ``measured`` shares with a joint answer whose model may miss shares by a ``discrepancy``."""
     return agreement_of(joint, measured, covariance_of_missed(joint, discrepancy))
 
 
@@ -177,7 +177,7 @@ class _Model:
 
     @cached_property
     def _roots(self) -> list[tuple[Array, Array]]:
-        """Of each fraction a root (bins + 1, bins + 1) of ``beside`` by whose columns the lack of fit goes too, and the
+        """Root (bins + 1, bins + 1) of ``beside`` of each fraction, by whose columns the lack of fit goes too, and the
         variance that this has in each of them (bins + 1,).
         """
         roots = []
@@ -250,8 +250,8 @@ def _posterior(model: _Model, draws: Array) -> JointAnswer:
 
 
 def _within(base: Array, parts: Array) -> Array:
-    """Of what is added to a bin, the part (fractions, cells, bins + 1) that is in every cell: as its mass is, and
-    evenly where it is empty.
+    """Part (fractions, cells, bins + 1) of what is added to a bin that is in every cell: as the mass of the bin is, and
+    evenly where that is empty.
     """
     mass = base[:, :, None] * parts
     total = mass.sum(axis=1)[:, None]
@@ -260,7 +260,7 @@ def _within(base: Array, parts: Array) -> Array:
 
 
 def _joined(first: InputSamples, second: InputSamples) -> InputSamples:
-    """Two lots of draws as one."""
+    """Join two lots of draws into one."""
 
     def both(a: DrawnLandings, b: DrawnLandings) -> DrawnLandings:
         return DrawnLandings(np.concatenate([a.position, b.position]), np.concatenate([a.bin, b.bin]))

@@ -121,7 +121,7 @@ def _check(scene: Scene, of: str, kernels: int) -> None:
 
 
 def protocol_of(result: Result, of: str = "", kernels: int = 300, out: Path | None = None) -> Protocol:
-    """The same of a finished run, into the folder ``out`` or its own.
+    """Plan what to count after a finished run, as :func:`protocol` does, into the folder ``out`` or its own.
 
     Raises SceneError as :func:`protocol` does, and where the run ended before its shares.
     """

@@ -184,7 +184,7 @@ def begin_leg(state, extra, tally, clock):
 
 @compiled
 def end_leg(state, extra, clock):
-    """It ends where the granule is now: the parabola between."""
+    """End the piece of path where the granule is now: the parabola between."""
     extra[of.LEG_END] = state[at.T] - clock[of.NOW]
     s = extra[of.LEG_END] - extra[of.LEG_BEGIN]
     extra[of.LEG_AX] = extra[of.LEG_AY] = extra[of.LEG_AZ] = 0.0

@@ -1,6 +1,6 @@
-"""Who is near whom: a ball about the way that a granule goes in a step, and a larger one, its range, about the ways of
-many steps. Pairs whose ranges touch are in a list; in a step only they are looked at, and of them only those can meet
-whose balls touch.
+"""Neighbours in a crowd: a ball about the way that a granule goes in a step, and a larger one, its range, about the
+ways of many steps. Pairs whose ranges touch are in a list; in a step only they are looked at, and of them only those
+can meet whose balls touch.
 
 A range lies ahead of its granule, so that it holds it for ``AHEAD`` steps unless it is struck, and when it is left,
 that granule alone is listed anew, with a new range (Verlet lists, one granule at a time: Verlet, L. 1967, Phys. Rev.

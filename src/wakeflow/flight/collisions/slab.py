@@ -341,8 +341,8 @@ def _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
 
 @entry
 def march_slab(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts, stop, steps, timed, final):
-    """Up to ``steps`` steps of the clock, until it shows ``stop`` (s), or, when nobody is to come any more (``final``),
-    all lie still. Whether that is so.
+    """March up to ``steps`` steps of the clock, until it shows ``stop`` (s), or, when nobody is to come any more
+    (``final``), all lie still. Returns whether that is so.
     """
     for _ in range(steps):
         if not _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):

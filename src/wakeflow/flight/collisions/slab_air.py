@@ -82,8 +82,8 @@ def _corners(air, nodes, tri):
 
 @called
 def _beside(state, ints, air, walls, out_x, out_y, code):
-    """For a granule that the walk found beyond a covered edge: the nearest such edge, or back into the mesh round a
-    corner of the body.
+    """Move a granule that the walk found beyond a covered edge on to the nearest such edge, or back into the mesh round
+    a corner of the body.
     """
     ints[at.GAP] = -2 - code
     state[at.X] -= out_x

@@ -44,7 +44,7 @@ class Slab(Packed):
 
 
 def _slots(count: int, points: int) -> Colliding:
-    """So many empty slots, with room for as many points of a path in each."""
+    """Make so many empty slots, with room for as many points of a path in each."""
     return Colliding(
         np.zeros((count, at.FLOATS)), np.zeros((count, at.INTS), dtype=np.int64), np.zeros((count, at.CONSTANTS)),
         np.zeros(count, dtype=np.int64), np.zeros((count, of.EXTRAS)), np.zeros((count, of.TALLY), dtype=np.int64),
@@ -85,7 +85,7 @@ class _Run:
         self.standing: list[tuple[float, int, int]] = []  # time, lying still, born
 
     def _free(self, count: int) -> Index:
-        """So many free slots, in order."""
+        """Find so many free slots, in order; make more where there are too few."""
         if np.count_nonzero(self.who < 0) < count:
             more = max(len(self.who), count)
             rows = zip(self.crowd[:-1], _slots(more, self.slab.points)[:-1], strict=True)
@@ -135,7 +135,7 @@ class _Run:
         return rows
 
     def march(self, stop: float) -> bool:
-        """Some steps; whether the clock shows ``stop``, or all is over."""
+        """March some steps; returns whether the clock shows ``stop``, or all is over."""
         slab = self.slab
         steps = max(1, CALL // max(1, int(self.counts[of.LIVING])))
         return bool(march_slab(

@@ -126,8 +126,8 @@ RATES = 4  # of ``weights``: where those for the rate begin
 
 
 class Cells(NamedTuple):
-    """Who is near whom: ranges in the buckets of a hash of cells, pairs whose ranges touch; the queue of foretold
-    meetings and the pairs that touch.
+    """Neighbours: ranges in the buckets of a hash of cells, pairs whose ranges touch; the queue of foretold meetings
+    and the pairs that touch.
     """
 
     balls: Array  # (S, 4)

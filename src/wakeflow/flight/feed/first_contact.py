@@ -54,7 +54,7 @@ class _Gap:
         return np.asarray(-n[:, 1] * s * (self.fall_speed[i] + 0.5 * self.pull[i] * s) - moved)
 
     def rate(self, t: Array, i: Index) -> Array:
-        """Its rate (m/s)."""
+        """Rate (m/s) at which the distance of granules i changes at times t (s)."""
         s, n = t - self.passing[i], self.normal[i]
         moving = np.einsum("ij,ij->i", n, self.motion.at(t, self.place[i])[1])
         return np.asarray(-n[:, 1] * (self.fall_speed[i] + self.pull[i] * s) - moving)

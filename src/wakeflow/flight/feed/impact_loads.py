@@ -38,9 +38,9 @@ class ImpactForces:
     mass_flow: float = column("kg/s", "mass that meets the slope")
     normal: float = column("N", "force into the slope")
     tangential: float = column("N", "force down the slope")
-    force: tuple[float, ...] = column("N", "on the body, x and y")
+    force: tuple[float, ...] = column("N", "force on the body, x and y")
     power: float = column("W", "what the vibration gives to the stream")
-    velocity: tuple[float, ...] | None = column("m/s", "of the centre of mass after the impact, x and y; null of none")
+    velocity: tuple[float, ...] | None = column("m/s", "mean velocity by mass after the impact, x and y; null of none")
 
 
 @dataclass(frozen=True, kw_only=True)

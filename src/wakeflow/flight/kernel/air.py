@@ -78,7 +78,7 @@ def shares(w):
 
 @compiled
 def share_rates(w, per):
-    """Their rates in time, ``per`` knots per s."""
+    """Rates in time of these weights, ``per`` knots per s."""
     v = 1.0 - w
     a, d = 0.5 * v * v * per, 0.5 * w * w * per
     return -a, (1.5 * w * w - 2.0 * w) * per, (2.0 * v - 1.5 * v * v) * per, d
@@ -331,7 +331,7 @@ def gradient_forces(affine, grain, x, y, t, ux, uy, sx, sy, spin):
 
 @compiled
 def forces_in_gradient(grain, xx, xy, yx, yy, tx, ty, ux, uy, sx, sy, spin):
-    """The same from the gradient (du/dx, du/dy, dv/dx, dv/dy) of the air's velocity and its rate (tx, ty) in time."""
+    """Acceleration by the gradient (du/dx, du/dy, dv/dx, dv/dy) of the air's velocity and its rate (tx, ty) in time."""
     fx = fy = 0.0
     if grain[at.INERTIAL] != 0.0:
         fx += grain[at.INERTIAL] * (tx + xx * ux + xy * uy)

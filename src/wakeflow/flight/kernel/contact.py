@@ -156,7 +156,7 @@ def grip(state, ints, hold, affine, grain, table, fx, fy, walls, rules, timed):
 
 @compiled
 def rescue(state, ints, hold, affine, grain, table, walls, rules):
-    """No centre is ever left inside a body: put it back on the nearest edge, as a contact."""
+    """Put a centre that is inside a body back on the nearest edge, as a contact: none is ever left there."""
     for body in range(walls.bodies.shape[0]):
         x, y, _, _ = seen_from(walls.bodies, body, state[at.T], state[at.X], state[at.Y], 0.0, 0.0)
         within, nearest = inside(walls, body, x, y)

@@ -66,7 +66,7 @@ def along(path, s):
 
 @compiled
 def along_phis(path, s, p):
-    """The same with the phi functions ``p`` of z = -B s."""
+    """Position and velocity at time ``s``, with the phi functions ``p`` of z = -B s."""
     e, p1, p2, p3, p4 = p
     a, b, c = s * p1, s * s * p2, 2.0 * s * s * s * p3
     d, f = s * s * s * p3, 2.0 * s * s * s * s * p4

@@ -118,7 +118,7 @@ def renew(state, ints, affine, air, grain, table, rules):
 
 @compiled
 def renew_at(look, tri, x, y, state, ints, air, grain, table, rules):
-    """The same in air that was looked at there, in triangle ``tri``."""
+    """Begin an interval of noise in air that was looked at there, in triangle ``tri``."""
     ux, uy, wind, even = look.ux, look.uy, max(abs(look.ux), abs(look.uy)), 0.0
     if grain[at.DISPERSION] != 0.0:
         for k in range(3):
@@ -131,10 +131,10 @@ def renew_at(look, tri, x, y, state, ints, air, grain, table, rules):
 
 @compiled
 def renew_in(state, ints, grain, table, rules, wind, seen, rest, beat):
-    """The same where the air's speed is about ``wind`` (m/s); ``seen``: the air's mean velocity (m/s, seen from the
-    mesh), the eddies' lifetime (s), their deviation (m/s) and its gradient (1/s), and how even they are (s). For those
-    that share a clock the interval ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s; 0: none)
-    later.
+    """Begin an interval of noise where the air's speed is about ``wind`` (m/s); ``seen``: the air's mean velocity (m/s,
+    seen from the mesh), the eddies' lifetime (s), their deviation (m/s) and its gradient (1/s), and how even they are
+    (s). For those that share a clock the interval ends ``rest`` (s) from now, with a step, or whole steps (``beat``, s;
+    0: none) later.
     """
     speed = max(math.sqrt(state[at.VX] ** 2 + state[at.VY] ** 2), wind)
     span = (rules.until - state[at.BORN]) / MIN_INTERVALS

@@ -37,7 +37,7 @@ def harmonic(omega, phase, t):
 
 @compiled
 def cubic(x, v, a, jerk, s):
-    """The same of what began at x, v, a a time s ago, its acceleration linear in time."""
+    """Place, velocity and acceleration of what began at x, v, a a time s ago, its acceleration linear in time."""
     return x + s * (v + s * (0.5 * a + s * jerk / 6.0)), v + s * (a + 0.5 * s * jerk), a + s * jerk
 
 

@@ -70,14 +70,14 @@ class _Part(_Kernel):
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Nothing: there is no machine code, and helpers use no such objects."""
+        """Do nothing: there is no machine code, and helpers use no such objects."""
 
 
 class _Helper(Compiler):
-    """Numba's compiler, into a part."""
+    """Numba's compiler, which makes a helper a part of what calls it."""
 
     def compile_extra(self, function: Any) -> Any:
-        """For numba."""
+        """Compile a helper, for numba."""
         self.state.library = _Part(self.state.targetctx.codegen(), bool(self.state.flags.forceinline))
         return super().compile_extra(function)
 
@@ -86,7 +86,7 @@ class _Entry(Compiler):
     """Numba's compiler, of a whole kernel."""
 
     def compile_extra(self, function: Any) -> Any:
-        """For numba."""
+        """Compile a whole kernel, for numba."""
         self.state.library = _Kernel(self.state.targetctx.codegen(), function.__qualname__)
         self.state.library.enable_object_caching()
         return super().compile_extra(function)
@@ -144,15 +144,15 @@ class _Place(UserProvidedCacheLocator):
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> _Place:
-        """For numba."""
+        """Make the place of a function's kernel, for numba."""
         return cls(function, file)
 
     def get_source_stamp(self) -> str:
-        """Nothing: the folder's name says which sources."""
+        """Give no stamp: the folder's name says which sources."""
         return ""
 
     def get_disambiguator(self) -> str:
-        """Nothing: a module's kernels have different names."""
+        """Give no further name: a module's kernels have different names."""
         return ""
 
 
@@ -162,12 +162,12 @@ class _Sealed(CompileResultCacheImpl):
     _locator_classes = (_Place,)
 
     def reduce(self, kernel: Any) -> tuple[bytes, bytes]:
-        """For the file."""
+        """Turn a kernel into what the file holds: a hash and the machine code."""
         kept = dumps(super().reduce(kernel))
         return hashlib.sha256(kept).digest(), kept
 
     def rebuild(self, target: Any, sealed: tuple[bytes, bytes]) -> Any:
-        """From the file."""
+        """Make a kernel out of what the file holds. Raises ValueError where that is damaged."""
         seal, kept = sealed
         if hashlib.sha256(kept).digest() != seal:
             raise ValueError("damaged")

@@ -61,7 +61,7 @@ def walk(geometry, neighbours, tri, x, y):
 
 @compiled
 def find(air, tri, x, y):
-    """The same, from near to the point where that is far from ``tri``; on foot where that fails, as behind a body."""
+    """Triangle of the point, walked to from near to it where it is far from ``tri``; from ``tri`` where that fails."""
     p, g = air.places, air.geometry
     far = abs(x - g[tri, at.CORNER_X]) * p[at.PER_X] + abs(y - g[tri, at.CORNER_Y]) * p[at.PER_Y] > FAR
     column, row = math.floor((x - p[at.GRID_X]) * p[at.PER_X]), math.floor((y - p[at.GRID_Y]) * p[at.PER_Y])

@@ -223,7 +223,7 @@ class AirLoading(ABC):
 
 @dataclass
 class CaseLoading(AirLoading):
-    """That on an airflow which OpenFOAM solves."""
+    """The granules' force on an airflow which OpenFOAM solves."""
 
     steady: SteadyAir
     answered = 0.1
@@ -250,7 +250,7 @@ class CaseLoading(AirLoading):
 
 @dataclass
 class JetLoading(AirLoading):
-    """That on air at rest, which is a jet under it. The speed of granules follows the force where no share does."""
+    """The granules' force on air at rest, a jet under it. The granules' speed follows the force where no share does."""
 
     answered = 0.01
 

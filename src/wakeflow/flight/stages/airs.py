@@ -43,7 +43,7 @@ class Airs:
 
     @cached_property
     def answers(self) -> tuple[FlownAir, ...]:
-        """Those that the plan wants, a grid each, the answer's first."""
+        """Airs that the plan wants, one a grid, the answer's first."""
         how, loading = self.plan.airflow, self.loading
         if not how.stepping:
             return (self._bare if loading is None else JetAir(self._bare, lambda: loading.force),)
@@ -139,11 +139,11 @@ class Airs:
             _ = self.early.solution
 
     def _caches(self, *, draft: bool = False) -> list[StageCache]:
-        """By grid, under the label of its airflow."""
+        """Caches by grid, each under the label of its airflow."""
         labels = [self.cache.label, *(self.cache.label._replace(grid=scale) for scale in self.plan.airflow.scales[1:])]
         return [replace(self.cache, label=label._replace(draft=draft)) for label in labels]
 
 
 def _like(airs: Sequence[CaseAir], grid: int) -> CaseAir | None:
-    """That on the grid like one's own, or on the coarsest; None where there is none."""
+    """Airflow on the grid like one's own, or on the coarsest; None where there is none."""
     return airs[min(grid, len(airs) - 1)] if airs else None

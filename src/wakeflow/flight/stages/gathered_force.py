@@ -106,7 +106,7 @@ def resolved(plan: Plan) -> Plan:
 
 
 def boxes_of(scene: Scene) -> Boxes:
-    """Those in which the force on the air of a scene is gathered, over the whole channel."""
+    """Boxes in which the force on the air of a scene is gathered, over the whole channel."""
     channel, pitch = scene.channel, scene.width / ACROSS
     if not scene.body:
         pitch = min(pitch, (channel.top - channel.bottom) / ALONG)
@@ -115,8 +115,8 @@ def boxes_of(scene: Scene) -> Boxes:
 
 @dataclass(frozen=True)
 class Gatherer:
-    """Who gathers the force on the air of one steady ``air``. In a scene that is its own mirror image the force is the
-    mean of both images.
+    """Gathers the force on the air of one steady ``air``. In a scene that is its own mirror image the force is the mean
+    of both images.
     """
 
     scene: Scene
@@ -127,11 +127,11 @@ class Gatherer:
 
     @property
     def boxes(self) -> Boxes:
-        """Over the whole channel."""
+        """Boxes over the whole channel, in which the force is gathered."""
         return boxes_of(self.scene)
 
     def alone(self, count: int, folder: Path) -> None:
-        """Of ``count`` granules of each fraction, each of which flies alone; kept in ``folder``."""
+        """Gather the force of ``count`` granules of each fraction, each of which flies alone; keep it in ``folder``."""
         few = self.scene.replace({"feed.count": count * REPLICATES // COMPARED})
         flight = Flight(few, resolved(self.plan), Realisations(self.air), TOLERANCE, self.workers, self.tell)
         bins, shares, late = len(self.scene.bin), {}, {}
@@ -153,8 +153,8 @@ class Gatherer:
         self._both_images(density, losses, before, shares, late).save(folder)
 
     def among_others(self, slab: CollisionPlan, start_up: float, before: ForceDensity, folder: Path) -> None:
-        """Of the granules that meet in COMPARED replicates of the ``slab``, which is steady after the ``start_up`` (s)
-        and counts for as long, beside what they exert on their way there (``before``); kept in ``folder``.
+        """Gather the force of granules that meet in COMPARED replicates of the ``slab``, which is steady after the
+        ``start_up`` (s) and counts for as long, beside that on their way there (``before``); keep it in ``folder``.
 
         Of each fraction the force is that of the granules fed over their mass, times the mass flow of the feed: how
         many come by chance does not matter.
@@ -178,8 +178,8 @@ class Gatherer:
         self._both_images(density, losses + before.total, before.density).save(folder)
 
     def _given(self, feed: SlabFeed, tracks: Tracks) -> dict[str, Array]:
-        """Of each fraction's granules that came in steady operation the mass (kg), what they gave to the air in each
-        box (N s/m3 a metre) and in all (N s).
+        """Mass (kg) of each fraction's granules that came in steady operation, what they gave to the air in each box (N
+        s/m3 a metre) and in all (N s).
         """
         how = self._how({force for fraction in self.plan.fractions.values() for force in fraction.forces})
         given, lost, mass = [], [], []
@@ -196,7 +196,7 @@ class Gatherer:
         return float(slab_top(self.scene, grains, self.scene.plumb.seen(grains.position)[:, 0]).min())
 
     def _flow(self, name: str) -> float:
-        """Of a fraction, kg/s per metre across the plane."""
+        """Mass flow of a fraction, kg/s per metre across the plane."""
         return self.scene.feed.mass_flow / self.scene.feed.depth * self.scene.mass_shares()[name]
 
     def _how(self, forces: Collection[str]) -> dict[str, Any]:

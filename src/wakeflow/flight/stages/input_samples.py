@@ -177,7 +177,7 @@ class DrawStage:
         return landed
 
     def variation(self, number: int) -> Variation:
-        """Draw ``number``."""
+        """Variation of the draw ``number``."""
         return variation_at(self.scene, self.plan, self.unknowns, self.design[number])
 
     def fly_under(self, made: Variation, airs: Realisations, tracked: Tracked, replicate: int, part: range) -> Columns:

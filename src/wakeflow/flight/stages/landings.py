@@ -49,7 +49,7 @@ def load_recorded_tracks(file: Path) -> list[Columns]:
 
 
 def recorded_tracks(folder: Path, names: Iterable[str]) -> dict[str, list[Columns]]:
-    """Those of each fraction that were kept in a folder."""
+    """Tracks of each fraction that were kept in a folder."""
     return {name: load_recorded_tracks(folder / f"{name}.drawn.npz") for name in names}
 
 
@@ -160,7 +160,7 @@ class LandingCount:
         self._injected, self._fates = 0, np.zeros(len(FATES), dtype=np.int64)
 
     def add(self, part: Columns, first: int) -> None:
-        """Whole replicates, or granules of one from its number ``first`` on; ``part`` as of ``tracks``."""
+        """Add whole replicates, or granules of one from its number ``first`` on; ``part`` as of ``tracks``."""
         injected, (block, few) = part.pop("injected"), block_of(self._size)
         self._injected += int(injected.sum())
         self._fates += list(fates_of(part["fate"]).values())

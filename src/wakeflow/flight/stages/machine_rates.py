@@ -99,7 +99,7 @@ def _compile_seconds() -> dict[str, float]:
 
 
 def _runs(root: Path) -> dict[str, list[tuple[float, float]]]:
-    """By kind of work the seconds of the last runs, and those expected."""
+    """Seconds of the last runs by kind of work, and those expected."""
     known = _read(root / FILE, lambda kept: {
         work: [(float(took), float(meant)) for took, meant in runs] for work, runs in kept.items() if runs
     })  # fmt: skip

@@ -215,7 +215,7 @@ class CollisionStage:
         )  # fmt: skip
 
     def work(self, flight: SlabFlight, replicates: int, *key: object, begun: tuple[Path, ...] = ()) -> Work[SlabFound]:
-        """So many ``replicates`` of a ``flight``."""
+        """Work of flying so many ``replicates`` of a ``flight``."""
         fly, read = partial(flight.fly_all, replicates=replicates), partial(flight.load, replicates=replicates)
         return Work((self.key, replicates, *key), fly, read, meet=True, begun=begun)
 
@@ -323,19 +323,19 @@ class Pipeline:
         return self.airs.answers[0]
 
     def through(self, air: FlownAir) -> Pipeline:
-        """The same scene flown through another of its airs."""
+        """This scene flown through another of its airs."""
         other = replace(self, plan=air.plan, label=air.cache.label)
         vars(other).update(airs=self.airs, air=air)
         return other
 
     @cached_property
     def grids(self) -> tuple[Pipeline, ...]:
-        """The same scene on each of the plan's grids, this one first."""
+        """This scene on each of the plan's grids, this one first."""
         return self, *map(self.through, self.airs.answers[1:])
 
     @cached_property
     def steady(self) -> Pipeline:
-        """The same scene in its steady airflow: the other end of the bracket, and where the first in time starts."""
+        """This scene in its steady airflow: the other end of the bracket, and where the first in time starts."""
         return self.through(self.airs.steady[0])
 
     @property
@@ -385,7 +385,7 @@ class Pipeline:
         return self.made(rerun.name, rerun.on(self))
 
     def made(self, name: str, work: Work[Found]) -> Found:
-        """The same of any ``work`` on these granules, a stage by ``name``."""
+        """What any ``work`` on these granules finds, from the cache or made now: a stage by ``name``."""
         key = content_key(self.tracks_key, *work.key)
         return work.read(self.compilation.make(self.cache, name, key, work.fly, work.begun, slab=work.meet))
 

@@ -206,7 +206,7 @@ class SlabFlight:
 
 
 def late_in(landings: Mapping[str, Landings]) -> Callable[[str], float]:
-    """By fraction, after how many seconds all but few of its granules have landed."""
+    """Seconds, by fraction, after which all but few of its granules have landed."""
     return lambda name: float(np.quantile(landings[name].time, LATE))
 
 

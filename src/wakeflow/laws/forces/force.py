@@ -156,11 +156,11 @@ class Grains(Protocol):
 
     @property
     def diameter(self) -> Array:
-        """m"""
+        """Diameter, m."""
 
     @property
     def density(self) -> Array:
-        """kg/m3"""
+        """Density, kg/m3."""
 
     @property
     def drag_scale(self) -> Array | None:
@@ -184,7 +184,7 @@ class Grains(Protocol):
 
     @property
     def flake(self) -> NDArray[np.bool_]:
-        """Which are flakes."""
+        """Whether they are flakes."""
 
     def __len__(self) -> int: ...
 
@@ -194,7 +194,7 @@ class AirProperties(Protocol):
 
     @property
     def density(self) -> float:
-        """kg/m3"""
+        """Density, kg/m3."""
 
     @property
     def viscosity(self) -> float:
@@ -202,7 +202,7 @@ class AirProperties(Protocol):
 
     @property
     def temperature(self) -> float:
-        """K"""
+        """Temperature, K."""
 
     @property
     def mean_free_path(self) -> float:
@@ -253,11 +253,11 @@ class Instant(NamedTuple):
 
     @property
     def reynolds(self) -> float:
-        """|slip| d / nu"""
+        """Reynolds number |slip| d / nu."""
         return math.hypot(*self.slip) * self.granule.diameter / self.granule.kinematic
 
     def rotation_reynolds(self, rate: float) -> float:
-        """|rate| d^2 / nu, of a rotation ``rate`` (1/s)."""
+        """Reynolds number |rate| d^2 / nu, of a rotation ``rate`` (1/s)."""
         return abs(rate) * (self.granule.diameter**2 / self.granule.kinematic)
 
 

@@ -187,7 +187,7 @@ class SideBin(Bin):
 
     @property
     def axis(self) -> int:
-        """Of its side: 0 along x, 1 along y."""
+        """Axis of its side: 0 along x, 1 along y."""
         return int(self.on in ("left", "right"))
 
     def line(self, scene: Machine) -> Array:
@@ -214,7 +214,7 @@ class SideBin(Bin):
         return bool(self.axis)
 
     def passed(self, scene: Machine) -> list[tuple[float, float]]:
-        """In a corner of the channel the wall closes it, unless a bin is on that wall."""
+        """Ends (m) over which granules can pass: the wall closes one in a corner, unless a bin is on that wall."""
         within = scene.channel.width / 2 - CORNER * scene.channel.width
         return [(x, y) for x, y in super().passed(scene)
                 if abs(x) < within or scene.on_sides("right" if x > 0 else "left")]  # fmt: skip
@@ -286,7 +286,7 @@ class BodyBin(Bin):
         return self.keeps
 
     def line(self, scene: Machine) -> Array:
-        """Its outline, closed."""
+        """Outline of the body, closed."""
         outline = scene.body[self.on].outline()
         return np.vstack([outline, outline[:1]])
 
@@ -296,7 +296,7 @@ class BodyBin(Bin):
             yield f".on = {self.on!r}: no side and no body{did_you_mean(self.on, known)} (known: {', '.join(known)})"
 
     def passed(self, scene: Machine) -> list[tuple[float, float]]:
-        """Granules pass by it over its outermost points."""
+        """Outermost points (m) of the outline, over which granules pass by it."""
         x = self.line(scene)[:, 0]
         return [(float(x), float(y)) for x, y in self.line(scene)[[x.argmin(), x.argmax()]]]
 

@@ -219,7 +219,7 @@ def air_of(outcome: AirAndTracks) -> Air:
 
 
 def air_with_pressure(outcome: AirAndTracks) -> Air:
-    """As :func:`air_of`; empty without pressure too."""
+    """Air as of :func:`air_of`; empty without pressure too."""
     air = air_of(outcome)
     return air if air and air[0].has("pressure") else ()
 

@@ -207,7 +207,7 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
 
 
 def _product_colours(scene: Scene, curves: Sequence[PartitionCurve]) -> dict[tuple[str, ...], str]:
-    """That of the fraction which should land in a product; of a bin that is nobody's target one of its own."""
+    """Colour of the fraction that should land in a product; of a bin that is nobody's target one of its own."""
     colours = fraction_colours(list(scene.fraction))
     wanted = {fraction.targets: colours[name] for name, fraction in scene.fraction.items()}
     products = list(dict.fromkeys(curve.product for curve in curves))

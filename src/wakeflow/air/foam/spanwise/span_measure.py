@@ -53,7 +53,7 @@ class SpanMeans:
         return float(spanwise), float(other)
 
     def parts(self, count: int = 4) -> list[tuple[float, float]]:
-        """The same of ``count`` equal parts of the time, in order: whether it grows or decays."""
+        """Rms as of ``three_dimensional`` in ``count`` equal parts of the time, in order: does it grow or decay."""
         pieces = np.array_split(self.spread, count)
         return [tuple(np.sqrt((piece**2).mean(axis=0)).tolist()) for piece in pieces]
 

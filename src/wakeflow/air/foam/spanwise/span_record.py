@@ -86,7 +86,7 @@ class SpanRecord:
 
     @cached_property
     def times(self) -> Array:
-        """Their times (t,) s."""
+        """Times (t,) s of the snapshots."""
         return np.array([float(path.stem) for path in self.files])
 
     @cached_property

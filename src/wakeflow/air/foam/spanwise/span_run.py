@@ -116,7 +116,7 @@ def extrude(spec: SpanSpec, plane: Path, folder: Path) -> None:
 
 
 def _depth(spec: SpanSpec) -> float:
-    """Of the span (m)."""
+    """Depth of the span (m)."""
     return spec.span.depth * spec.mesh.projected_width
 
 
