@@ -24,9 +24,9 @@ from wakeflow.air.foam.airflow_result import AirflowResult
 from wakeflow.air.foam.case import FlowSpec
 from wakeflow.air.foam.programs import openfoam_version
 from wakeflow.air.mesh import build_mesh, plan_mesh
+from wakeflow.core.code_key import code_key
 from wakeflow.core.files import case_template
 from wakeflow.core.record import load
-from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.flight import Granules
 from wakeflow.flight.stages.landings import Landings

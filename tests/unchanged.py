@@ -1,7 +1,7 @@
 """Test files that need not run: nothing that they read has changed since all of their tests passed.
 
 What a file reads is its import closure: itself, the modules of the tests that it imports, the modules of the package
-that these make run (``wakeflow.core.sources``), data beside any of them, the scenes and templates of ``cases``. A file
+that these make run (``wakeflow.core.code_key``), data beside any of them, the scenes and templates of ``cases``. A file
 that looks at the package, the documents or a started program as a whole reads all of it. ``passed/KEY`` in the cache of
 the tests is there for every content that passed; ``--all`` runs every file.
 """
@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from functools import cache, lru_cache
 from pathlib import Path
 
-from wakeflow.core import sources
+from wakeflow.core import code_key
 from wakeflow.core.lazy import parsed
 from wakeflow.core.store import content_key, digest_files
 
@@ -37,12 +37,12 @@ def paths_of(file: Path) -> frozenset[Path]:
     own = _modules_of(file.resolve())
     texts = [_text(path) for path in own - SHARED]
     if any(ALL.search(text) for text in texts):
-        return own | _beside(sources.PACKAGE) | _documents() | _beside(TESTS) | _cases()
+        return own | _beside(code_key.PACKAGE) | _documents() | _beside(TESTS) | _cases()
     beside = {found for path in own for found in _data_beside(path)}
     if any(PACKAGE.search(text) for text in texts):
-        return own | _beside(sources.PACKAGE) | _cases() | beside
+        return own | _beside(code_key.PACKAGE) | _cases() | beside
     wanted = {one for path in own if path != TESTS / "conftest.py" for one in _package_of(path)}
-    read = {sources._path(module) for module in _run(wanted)}
+    read = {code_key._path(module) for module in _run(wanted)}
     return frozenset(own | read | {path for one in read for path in _data(one.parent)} | _cases() | beside)
 
 
@@ -92,7 +92,7 @@ def _imported(path: Path) -> frozenset[Path]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         for parts in (name.split(".") for name in names):
-            if parts[0] == sources.NAME:
+            if parts[0] == code_key.NAME:
                 continue
             for home in (path.parent, *HOMES):
                 ends = [home.joinpath(*parts[:end]) for end in range(1, len(parts) + 1)]
@@ -105,8 +105,8 @@ def _package_of(path: Path) -> frozenset[Wanted]:
     """What a module of the tests wants of the package; of ``wakeflow as wf`` the names that it uses."""
     tree = parsed(path)
     found: set[Wanted] = set()
-    for module, name, bound, runs in sources._read(tree, "", runs=True):
-        if (module, name) == (sources.NAME, None):
+    for module, name, bound, runs in code_key._read(tree, "", runs=True):
+        if (module, name) == (code_key.NAME, None):
             used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)
                     and isinstance(node.value, ast.Name) and node.value.id == bound}  # fmt: skip
             found |= {(module, one) for one in used} or {(module, "")}
@@ -128,12 +128,12 @@ def _run(wanted: set[Wanted]) -> set[str]:
 
 @cache
 def _wanted_by(module: str, name: str | None) -> tuple[Wanted, ...]:
-    return tuple(sources._wanted_by(module, name))
+    return tuple(code_key._wanted_by(module, name))
 
 
 @cache
 def _data(folder: Path) -> frozenset[Path]:
-    return frozenset(sources._data(folder))
+    return frozenset(code_key._data(folder))
 
 
 @cache

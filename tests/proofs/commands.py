@@ -81,11 +81,11 @@ def funnel(slow: bool, tell: Tell) -> Report:
     return run_funnel(FOLDER, slow=slow, tell=tell)
 
 
-def crowd(slow: bool, tell: Tell) -> Report:
+def collisions(slow: bool, tell: Tell) -> Report:
     """Granules that meet, next to LIGGGHTS, OpenFOAM and kinetic theory."""
-    from proofs.crowd.report import run_crowd
+    from proofs.collisions.report import run_collisions
 
-    return run_crowd(slow=slow, tell=tell)
+    return run_collisions(slow=slow, tell=tell)
 
 
 def calibration(slow: bool, tell: Tell) -> Report:
@@ -105,10 +105,11 @@ def measured(slow: bool, tell: Tell) -> Report:
 PROOFS: dict[str, Callable[[bool, Tell], Report]] = {
     proof.__name__: proof
     for proof in (
-        extremes, tracker, problems, airflow, meshes, shares, coverage, tails, calibration, measured, funnel, crowd,
+        extremes, tracker, problems, airflow, meshes, shares, coverage, tails, calibration, measured, funnel,
+        collisions,
     )
 }  # fmt: skip
-OPTIONAL = ("funnel", "crowd")  # each needs a program of its own: only when it is named
+OPTIONAL = ("funnel", "collisions")  # each needs a program of its own: only when it is named
 
 
 def is_published(scene: Path) -> bool:
@@ -138,6 +139,8 @@ def prove(what: str | None, *, slow: bool, tell: Tell) -> dict[str, Report]:
     """
     if what is not None and what.endswith(".toml"):
         reports = _of_scene(Path(what), slow, tell)
+    elif what == "crowd":
+        raise SceneError("verify crowd: is called verify collisions now")
     elif what is not None and what not in PROOFS:
         raise SceneError(f"verify {what!r}: unknown{did_you_mean(what, PROOFS)} (known: {', '.join(PROOFS)})")
     else:

@@ -29,7 +29,7 @@ from wakeflow.core.store import cache_root
 from wakeflow.core.tables import CellTable
 from wakeflow.flight.stages.compilation import compile_ahead
 from wakeflow.planning.stages import stages
-from wakeflow.runs import effort
+from wakeflow.runs import time_budget
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
 from wakeflow.show.canvas import COLOURS, new_figure, save
@@ -62,7 +62,7 @@ def run_curves(
         tell("the best answer")
         truth = best_shares(scene, Path(scratch, "best"), slow=slow)
         for budget in BUDGETS:
-            finest = [row for row in rows if row["chosen"] == effort.EFFORTS[-1].name]
+            finest = [row for row in rows if row["chosen"] == time_budget.EFFORTS[-1].name]
             if len(finest) == 2:  # more time buys the same
                 rows += [{**row, "setting": duration(budget)} for row in finest]
                 continue
@@ -101,8 +101,8 @@ def best_shares(scene: Scene, folder: Path, *, slow: bool) -> BinShares:
     """
     count = None if scene.collisions.count is None else MORE * scene.collisions.count
     plan = make_plan(scene)
-    if plan.crowd is not None:
-        count = MORE * plan.crowd.count
+    if plan.collisions is not None:
+        count = MORE * plan.collisions.count
     finer = scene.replace({
         "feed.seed": scene.feed.seed + OTHER_SEED,
         "feed.count": MORE * scene.feed.count,
@@ -142,11 +142,11 @@ def timed_run(scene: Scene, folder: Path, **how: Any) -> tuple[Result, IdleClock
     fast this machine is, which may be busy.
     """
     with IdleClock(cores()) as clock:
-        before = effort.CLOCK.set(clock)
+        before = time_budget.CLOCK.set(clock)
         try:
             return runs.run(scene, folder, workers=cores(), listener=lambda *_: None, **how), clock
         finally:
-            effort.CLOCK.reset(before)
+            time_budget.CLOCK.reset(before)
 
 
 def forget_all_but_air() -> None:

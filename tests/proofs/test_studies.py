@@ -77,7 +77,7 @@ def test_kernels_go_along_a_slope_as_the_material_says_and_a_ball_as_a_ball() ->
     [
         (["best_estimate"], "{entry.name}", [entry.name for entry in wakes()]),
         (["deposition", "--count", 4], "{mesh}", list(MESHES)),
-        (["crowd_speed", 60], "{forces}", ["drag, gravity", "all four"]),
+        (["collision_speed", 60], "{forces}", ["drag, gravity", "all four"]),
         (["injection_or_resolved", 64, CASES / "vacuum.toml"], "{fraction}", ["soft", "hard"]),
         pytest.param(
             ["impaction", 3, "--quick"], "{body}", [next(iter(bounds.BODIES)), "K = tau v / h"],
@@ -102,9 +102,9 @@ def test_a_study_runs_small(
     assert list(dict.fromkeys(cell(column, row) for row in study(*words))) == found
 
 
-def test_crowd_draws() -> None:
+def test_collision_draws() -> None:
     """Where hardly a granule meets another, a number moves the slab's shares as it moves those of granules alone."""
-    rows = study("crowd_draws", "vacuum", "--draws", 12, "--count", 512, "--rate", 2.0)
+    rows = study("collision_draws", "vacuum", "--draws", 12, "--count", 512, "--rate", 2.0)
     assert [row["fraction"] for row in rows] == [*shipped("vacuum").fraction, "all"]
     assert abs(rows[-1]["slope"] - 1.0) <= rows[-1]["half"] < 0.5
 

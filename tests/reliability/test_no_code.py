@@ -89,7 +89,7 @@ class Bomb:
 
 def test_the_index_of_kernels_in_a_cache_is_not_read(tmp_path: Path) -> None:
     """A folder of results that comes with a cache, runs/.cache, as it was before: with kernels that are pickles."""
-    from wakeflow.core.sources import code_key
+    from wakeflow.core.code_key import code_key
 
     for module, kernel in (("wakeflow.flight.kernel.loop", "loop.fly_block"), ("wakeflow.flight", "x")):
         folder = tmp_path / "runs" / ".cache" / "numba" / code_key(module)[:20]

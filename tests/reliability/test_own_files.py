@@ -19,7 +19,7 @@ import wakeflow as wf
 from support import shipped
 from wakeflow.answer.result import Result
 from wakeflow.cli import main
-from wakeflow.core import sums
+from wakeflow.core import own_files
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import atomic_write, digest_of, write_json
 from wakeflow.core.tables import CellTable
@@ -65,7 +65,7 @@ def test_a_link_in_the_folder_of_results_is_not_followed(
 def test_every_file_of_a_run_is_listed_with_its_checksum(small_run: Any) -> None:
     folder = small_run.folder
     found = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    assert found - set(sums.listed(folder)) == {".lock", "SHA256SUMS"}
+    assert found - set(own_files.listed(folder)) == {".lock", "SHA256SUMS"}
     done = subprocess.run(["sha256sum", "--check", "--quiet", "SHA256SUMS"], cwd=folder, check=False)
     assert done.returncode == 0
 
@@ -99,31 +99,31 @@ def test_what_others_put_into_the_folders_of_a_report_stays_theirs(run: Path) ->
     wf.run(shipped("vacuum", {"feed.count": 16}), run)
     main(["report", str(run)])
     assert [path.read_text() for path in own] == ["mine"] * 4
-    assert not {path.relative_to(run).as_posix() for path in own} & set(sums.listed(run))
+    assert not {path.relative_to(run).as_posix() for path in own} & set(own_files.listed(run))
     assert (run / "machine" / "bins_00.vtp").exists()
 
 
 def test_a_killed_run_is_gone_on_from_and_a_failed_one_excuses_nothing(run: Path, small_run: Any) -> None:
     (run / "SHA256SUMS").unlink()
     (run / "result.json").unlink()
-    (run / f"{sums.BEGUN}run").touch()  # killed while it wrote
+    (run / f"{own_files.BEGUN}run").touch()  # killed while it wrote
     wf.run(Scene.parse(dict(small_run.scene)), run)
-    assert not list(run.glob(f"{sums.BEGUN}*"))
-    before = sums.listed(run)
+    assert not list(run.glob(f"{own_files.BEGUN}*"))
+    before = own_files.listed(run)
     (run / "granules.npz").write_bytes(b"damaged")
     (run / "new.csv").write_text("1")
     written = [run / "new.csv", run / "granules.npz"]
-    with pytest.raises(ValueError, match="on the way"), sums.writing(run, lambda: written, "some"):
+    with pytest.raises(ValueError, match="on the way"), own_files.writing(run, lambda: written, "some"):
         raise ValueError("on the way")
-    after = sums.listed(run)
+    after = own_files.listed(run)
     assert after.pop("new.csv")
     assert after == before
-    assert not list(run.glob(f"{sums.BEGUN}*"))
+    assert not list(run.glob(f"{own_files.BEGUN}*"))
 
 
 def _killed(words: list[str]) -> None:
     """A command that is killed when it has written its files."""
-    sums.note = lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL)  # type: ignore[assignment]
+    own_files.note = lambda *_, **__: os.kill(os.getpid(), signal.SIGKILL)  # type: ignore[assignment]
     main(words)
 
 
@@ -143,20 +143,20 @@ def test_a_killed_command_excuses_its_own_files_alone(run: Path) -> None:
     (run / "figures" / "film.gif").unlink()
     assert main(["animate", str(run), "--seconds", "1", "--size", "240", "--span", "100 ms", "--quiet"]) == 0
     assert main(bins) == 0
-    assert not list(run.glob(f"{sums.BEGUN}*"))
+    assert not list(run.glob(f"{own_files.BEGUN}*"))
 
 
 def test_a_killed_command_has_not_changed_the_form_that_it_wrote(tmp_path: Path) -> None:
     form = tmp_path / "measured.csv"
     for text in ("one", "two"):  # killed before it was noted
-        sums.refuse_changed(form, "protocol")
-        with sums.replacing(form, "protocol") as draft:
+        own_files.refuse_changed(form, "protocol")
+        with own_files.replacing(form, "protocol") as draft:
             draft.write_text(text)
         assert form.read_text() == text
-    sums.refuse_changed(form, "protocol")
+    own_files.refuse_changed(form, "protocol")
     form.write_text("filled in")
     with pytest.raises(SceneError, match="not as the program wrote it"):
-        sums.refuse_changed(form, "protocol")
+        own_files.refuse_changed(form, "protocol")
     assert sorted(path.name for path in tmp_path.iterdir()) == [".begun-protocol", "measured.csv"]
 
 
@@ -176,10 +176,10 @@ def test_a_link_that_leads_nowhere_is_not_replaced_or_written_through(tmp_path: 
     link.symlink_to("away")
     for words in (["new", "vacuum", str(link)], ["materials", "--new", str(link)]):
         assert main(words) == 2
-    (run / f"{sums.BEGUN}bins-soft-floor").symlink_to(tmp_path / "away")
+    (run / f"{own_files.BEGUN}bins-soft-floor").symlink_to(tmp_path / "away")
     assert main(["bins", str(run), "--purity", "soft"]) == 2
     with pytest.raises(SceneError, match="not as the program"):
-        sums.refuse_changed(link, "protocol")
+        own_files.refuse_changed(link, "protocol")
     assert link.is_symlink()
     assert not (tmp_path / "away").exists()
 
@@ -249,7 +249,7 @@ def test_damaged_tracks_are_not_shown(run: Path, tmp_path: Path, capsys: pytest.
 
 
 def test_a_disk_that_is_full_is_told_with_the_folder(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match=re.escape(str(tmp_path))), sums.writing(tmp_path, list, "some"):
+    with pytest.raises(OSError, match=re.escape(str(tmp_path))), own_files.writing(tmp_path, list, "some"):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as write() says it: without a name
 
 
@@ -276,7 +276,7 @@ def test_a_figure_or_a_table_of_others_is_not_replaced(what: str, run: Path, sma
 
 def test_a_damaged_film_is_left_out_of_the_report(run: Path) -> None:
     (run / "figures" / "film.gif").write_bytes(b"GIF89a")
-    sums.note(run, [run / "figures" / "film.gif"])
+    own_files.note(run, [run / "figures" / "film.gif"])
     assert main(["report", str(run)]) == 0
     assert "film.gif cannot be read here" in (run / "report.html").read_text()
 
@@ -287,7 +287,7 @@ def test_a_pipe_in_the_place_of_granules_is_not_waited_for(run: Path, capsys: py
     assert main(["bins", str(run), "--purity", "soft"]) == 2
     assert "holds no granules.npz" in capsys.readouterr().err
     with pytest.raises(SceneError, match=r"granules.npz is no file"):
-        sums.check(run, "granules.npz", "")
+        own_files.check(run, "granules.npz", "")
 
 
 def test_a_page_with_a_byte_that_is_not_utf8_takes_a_film(run: Path) -> None:
@@ -323,8 +323,8 @@ def test_a_folder_without_a_name_has_a_picture(
 
 def test_a_list_of_files_leads_nowhere_else(tmp_path: Path) -> None:
     names = ["figures/lines-/../../../a", "/etc/passwd", "../a", "figures/lines-a.png"]
-    (tmp_path / sums.SUMS).write_text("\n".join([sums.MARK, *(f"{'0' * 64}  {name}" for name in names)]))
-    assert list(sums.listed(tmp_path)) == names[3:]
+    (tmp_path / own_files.SUMS).write_text("\n".join([own_files.MARK, *(f"{'0' * 64}  {name}" for name in names)]))
+    assert list(own_files.listed(tmp_path)) == names[3:]
 
 
 def test_tables_of_others_are_not_replaced_and_their_pictures_stay(run: Path, small_run: Any, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 import wakeflow as wf
 from support import Page, shipped
 from wakeflow.core.errors import SceneError, known
-from wakeflow.runs.effort import quick_settings
+from wakeflow.runs.time_budget import quick_settings
 from wakeflow.scene import Scene
 
 WITHIN = 1.5  # times the memory that the plan states

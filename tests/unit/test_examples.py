@@ -28,9 +28,9 @@ from wakeflow.extras.search.task import read_search_file
 from wakeflow.many.variant import read_sweep_file
 from wakeflow.scene.changes import flat
 from wakeflow.scene.measured import read_trays
+from wakeflow.scene.scene_tables import SceneTables
 from wakeflow.scene.schema import described
 from wakeflow.scene.uncertainty import with_uncertainty_table
-from wakeflow.scene.whole import SceneTables
 
 SMALL = {  # instead of the minutes of a page: a trickle of granules that neither meet nor load the air
     "numerics.rung": "draft", "numerics.mesh_scale": 3.0, "feed.count": 64, "feed.rate": "0.5 kg/hour",

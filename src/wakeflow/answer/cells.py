@@ -20,7 +20,7 @@ Whole = NDArray[np.int64]
 Landed = Sequence[tuple[NDArray[np.floating], NDArray[np.integer]]]  # positions (..., 2) m and bins (...) of granules
 Ends = Mapping[str, tuple[float, float]]  # of bins on sides of the channel: from and to (m)
 ON_LINE = 1e-6  # m: a landing is on a side that it is no further from
-SAME = 1e-7  # m: ends of bins that are nearer to each other are one
+END_ROUNDING = 1e-7  # m: ends of bins that are nearer to each other are one
 FINE = 160  # cells of a side at most, beside what bins end in; chosen: moved ends are read between them
 MOST = 3000  # cells of all fractions together: a scene of very many fractions has coarser ones
 SHORTEST = 1e-9  # m
@@ -135,14 +135,14 @@ class LandingCells:
             if not low < high:
                 raise SceneError(f"bin.{name}: from = {1000 * low:g} mm must be below to = {1000 * high:g} mm")
             edges = self.edges[self.on[name]]
-            if low < edges[0] - SAME or high > edges[-1] + SAME:
+            if low < edges[0] - END_ROUNDING or high > edges[-1] + END_ROUNDING:
                 raise SceneError(f"bin.{name}: {1000 * low:g} to {1000 * high:g} mm is not within the "
                                  f"{self.on[name]}, {1000 * edges[0]:g} to {1000 * edges[-1]:g} mm")  # fmt: skip
         found = {name: ends.get(name, pair) for name, pair in self.ends.items()}
         for side in self.edges:
             row = sorted((found[name], name) for name in found if self.on[name] == side)
             for ((_, high), one), ((low, _), other) in pairwise(row):
-                if low < high - SAME:
+                if low < high - END_ROUNDING:
                     raise SceneError(f"bins {one} and {other} overlap: {other} begins at {1000 * low:g} mm")
         return found
 

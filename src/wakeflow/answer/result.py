@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..air.kinds.airflow_table import Airflow, MeshReport
-from ..core import sums
+from ..core import own_files
 from ..core.errors import SceneError
 from ..core.files import MAX_RECORD, check_tables, path_of, read_json, write_json
 from ..core.graded import GRADES, Grade
@@ -30,7 +30,7 @@ from ..planning.plan import Plan
 from ..planning.stage_cache import StageTime
 from ..scene.overrides import share_in
 from ..scene.rungs import check_rung
-from ..scene.whole import States, switched
+from ..scene.scene_tables import States, switched
 from .cells import Ends
 from .joint import JointAnswer
 from .provenance import Provenance, Refinement
@@ -208,7 +208,7 @@ class Result(WithShares):
         file, cure = self.folder / JOINT, _cure(self.folder)
         if not file.is_file():
             raise SceneError(f"{self.folder} holds no {JOINT}; {cure}")
-        sums.check(self.folder, JOINT, cure)
+        own_files.check(self.folder, JOINT, cure)
         try:
             return JointAnswer.of(record, load_arrays(file, cure))
         except (KeyError, ValueError, IndexError, TypeError):
@@ -438,7 +438,7 @@ def kept_granules(folder: Path) -> Columns:
     if not file.is_file():
         raise SceneError(f"{folder} holds no {GRANULES}: the run ended before its tracks")
     cure = f"wakeflow report {quote(str(folder))} writes it anew"
-    sums.check(folder, GRANULES, cure)
+    own_files.check(folder, GRANULES, cure)
     table, result = load_arrays(file, cure), Result.load(folder)
     bins = np.inf if result.landings is None else len(result.landings.separation.bins)
     if not are_granules(table, set(result.scene["fraction"]), bins):

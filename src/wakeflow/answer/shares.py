@@ -51,22 +51,22 @@ class CollisionSummary:
     step_trials: int | None = column("1", "steps that were tried", default=None)
 
 
-def collisions_of(plan: CollisionPlan, crowd: SlabFound) -> CollisionSummary:
+def collisions_of(plan: CollisionPlan, collisions: SlabFound) -> CollisionSummary:
     """What the slab was, and what granules met in it."""
-    landings = crowd.landings
+    landings = collisions.landings
     return CollisionSummary(
-        depth=crowd.depth,
-        replicates=crowd.replicates,
-        start_up=crowd.start_up,
+        depth=collisions.depth,
+        replicates=collisions.replicates,
+        start_up=collisions.start_up,
         granules={name: len(found.bin) for name, found in landings.items()},
         tracers=dict(plan.tracers),
         meetings={name: float(known(found.meetings) @ found.mass_shares) for name, found in landings.items()},
         fates={name: fates_of(found.fate) for name, found in landings.items()},
-        step=crowd.clock.step,
-        step_error=crowd.clock.step_error,
-        step_asked=crowd.clock.asked,
-        step_trials=crowd.clock.trials,
-        jammed=crowd.jammed,
+        step=collisions.clock.step,
+        step_error=collisions.clock.step_error,
+        step_asked=collisions.clock.asked,
+        step_trials=collisions.clock.trials,
+        jammed=collisions.jammed,
     )
 
 

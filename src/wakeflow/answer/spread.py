@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.number import Number, student
-from ..flight.stages.landings import Landings, pooled
+from ..flight.stages.landings import Landings, mirrored_mean
 from ..planning.unknowns import SIGMAS
 from ..scene import Scene
 from .draws import LEVEL
@@ -70,13 +70,13 @@ class Tally(NamedTuple):
     realisation: NDArray[np.int64]
 
     @classmethod
-    def every(cls, landing: Landings, bins: int, cycles: int, images: Sequence[int] = ()) -> list[Tally]:
+    def of_bins(cls, landing: Landings, bins: int, cycles: int, images: Sequence[int] = ()) -> list[Tally]:
         """The tally of every bin, with that of its image where there are ``images``, and of what landed elsewhere."""
-        found = landing.tally(bins, cycles)
+        found = landing.count_by_bin(bins, cycles)
         realisation = np.zeros(len(found), dtype=np.int64)
         realisation[landing.replicate] = landing.realisation
         hits = np.ascontiguousarray(np.swapaxes(found, 0, 1)).astype(float)
-        return [cls(inside, hits.sum(axis=0), realisation) for inside in pooled(hits.T, images).T]
+        return [cls(inside, hits.sum(axis=0), realisation) for inside in mirrored_mean(hits.T, images).T]
 
     @property
     def samples(self) -> Array:
@@ -161,7 +161,7 @@ def share_spreads(landing: Landings, bins: int, images: Sequence[int] = ()) -> l
     reaches to its longer side, which of an empty bin is the only one.
     """
     found = []
-    for tally in Tally.every(landing, bins, cycles_of([landing]), images):
+    for tally in Tally.of_bins(landing, bins, cycles_of([landing]), images):
         alone = share_interval(tally.samples, round(landing.size), tally.spread._replace(airflow=0.0))
         found.append(Spread(max(alone.high - alone.value, alone.value - alone.low), tally.spread.airflow))
     return found
@@ -186,7 +186,7 @@ def sample_errors(landings: Mapping[str, Landings], bins: int, images: Sequence[
     replicates differ, of cycles as these do, which move all bins and all fractions at once.
     """
     cycles = cycles_of(landings.values())
-    tallies = [tally for one in landings.values() for tally in Tally.every(one, bins, cycles, images)]
+    tallies = [tally for one in landings.values() for tally in Tally.of_bins(one, bins, cycles, images)]
     spreads = [one for landing in landings.values() for one in share_spreads(landing, bins, images)]
     every = np.stack([tally.deviations for tally in tallies])  # (shares, replicates, cycles)
     seen = _seen(every, tallies[0].realisation, np.array([tally.chance for tally in tallies]))
@@ -237,6 +237,6 @@ def shares_in(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Array
     """The share of every fraction in every bin and elsewhere (bins + 1,)."""
     cycles = cycles_of(landings.values())
     return {
-        name: np.array([tally.share for tally in Tally.every(one, len(scene.bin), cycles, scene.images or ())])
+        name: np.array([tally.share for tally in Tally.of_bins(one, len(scene.bin), cycles, scene.images or ())])
         for name, one in landings.items()
     }

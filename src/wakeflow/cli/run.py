@@ -105,7 +105,7 @@ def plan(
     machine, folder = scene_and_folder(scene, settings, gate, out)
     how = gate.how
     if gate.quick:
-        from ..runs.effort import quick_settings
+        from ..runs.time_budget import quick_settings
 
         machine, how = quick_settings(machine, how)
     made = make_plan(machine, **how)

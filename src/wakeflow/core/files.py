@@ -277,7 +277,7 @@ def case_template() -> Path:
 
 
 # -- Files of the user that a scene, a sweep or a search names --------------------------------------------------------
-def own_path(given: str, base: Path, key: str) -> Path:
+def user_path(given: str, base: Path, key: str) -> Path:
     """The path ``given`` under a ``key`` of a file in the folder ``base``: relative to that; ~ is the home of a user.
 
     Raises SceneError, naming the key, where no file can have that path.

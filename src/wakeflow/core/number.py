@@ -44,6 +44,10 @@ class Number:
         """Whether there is a number, :data:`NO_NUMBER` being none."""
         return not math.isnan(self.value)
 
+    def __reduce__(self) -> str | tuple[object, ...]:
+        """:data:`NO_NUMBER` stays the one that it is in another process too: no NaN equals another."""
+        return (Number, (*self, self.numerical)) if self else "NO_NUMBER"
+
     @property
     def known(self) -> bool:
         """Whether both ends of the interval are known."""

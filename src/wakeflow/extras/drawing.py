@@ -1,7 +1,7 @@
 """A body's outline out of a drawing: a DXF file with one closed outline of lines, polylines, arcs and curves.
 
 Comes in: the name of a file, the unit of its numbers, a layer of it. Goes out: the corners of the outline.
-May call it: nobody by name; ``scene.own_files`` has the registry of drawings.
+May call it: nobody by name; ``scene.user_files`` has the registry of drawings.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import SceneError
-from ..core.files import own_path, read_whole
+from ..core.files import read_whole, user_path
 from ..core.quantities import quantity
 from ..core.registry import did_you_mean
-from ..scene.own_files import DXF, drawings
+from ..scene.user_files import DXF, drawings
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
@@ -46,7 +46,7 @@ def read_outline(file: str, base: Path, unit: object = None, layer: object = Non
     Raises SceneError, one line, where the file is no drawing, has no unit, or more or less than one closed outline.
     """
     say = f"outline = {file!r}"
-    path = own_path(file, base, "outline")
+    path = user_path(file, base, "outline")
     try:
         text = read_whole(path).decode("latin-1")  # names of layers do not count
     except OSError as problem:

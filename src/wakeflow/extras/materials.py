@@ -106,7 +106,7 @@ def materials(name: str | None = None, *, file: Path | None = None, new: Path | 
     """
     from ..laws.material import materials as shipped
     from ..laws.material import near_material, write_own_material
-    from ..scene.own_files import read_materials
+    from ..scene.user_files import read_materials
 
     if new is not None:
         write_own_material(new)

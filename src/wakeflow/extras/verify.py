@@ -37,13 +37,13 @@ def verify(what: str | None = None, *, slow: bool = False, as_json: AsJson = Fal
         A scene file: the error of its shares against run time, next to OpenFOAM's parcels; of a scene of which airflows
         are published, its airflow next to these. Or extremes (what happens at the ends of what can be asked for),
         tracker (landing error against run time next to other trackers), problems, airflow, meshes, shares, coverage,
-        tails, calibration, measured, crowd (granules that meet, next to LIGGGHTS, DPMFoam, MPPICFoam and kinetic
-        theory) or funnel. Default: all but crowd and funnel, which need LIGGGHTS. Reports go to runs/verify. Exit code
-        1 where a row of extremes is missed.
+        tails, calibration, measured, collisions (granules that meet, next to LIGGGHTS, DPMFoam, MPPICFoam and kinetic
+        theory) or funnel. Default: all but collisions and funnel, which need LIGGGHTS. Reports go to runs/verify.
+        Exit code 1 where a row of extremes is missed.
     slow
         tracker: finer settings, a computed time-resolved wake and 1e7 granules, most of an hour. airflow: every case,
         an hour or two of one core. extremes: 1e7 granules, dense feeds, more airflows, some 20 minutes. A scene: errors
-        against the airflow of rung reference, and that on three grids. crowd: more
+        against the airflow of rung reference, and that on three grids. collisions: more
         replicates and variants, a quarter of an hour. funnel: more beads, and the paper's 35 g.
     as_json
         Print JSON instead of tables.

@@ -177,10 +177,10 @@ class Collisions:
     ``depth`` of the slab (m), some ten to twenty diameters of the largest granules. Coefficients of ``restitution``,
     ``friction`` and ``tangential_restitution`` between granules: numbers, or symmetric tables (k, k) by ``fraction`` of
     the two. ``tracers`` are fractions too fine and too many to be simulated one by one: those that fly are a sample;
-    the crowd can hit them, with the efficiency of impaction (:mod:`wakeflow.laws.impaction`), and does not notice, nor
+    the others can hit them, with the efficiency of impaction (:mod:`wakeflow.laws.impaction`), and does not notice, nor
     do they meet each other. ``forces``: those of each fraction among those of all; none: all. ``step`` (s) of the
     clock; None: as long as ``tolerance`` allows, found by flights of a sample (docs/model.md); ``measured`` hears
-    it then, before the crowd flies. Raises SceneError for values out of range.
+    it then, before the others fly. Raises SceneError for values out of range.
     """
 
     depth: float

@@ -42,7 +42,7 @@ PARTS = 4  # blocks that each thread gets, where they are longer: some take long
 RECORD_POINTS = 1024  # points kept of a recorded track
 NOISE_STEP = 0.1  # an interval of noise, of an eddy's lifetime and the granule's response time
 EDDIES = 20.0  # lifetimes that a granule held by friction waits before it counts as resting
-FINER = 0.01  # of the tolerance: that of the flights which the step of a crowd is judged by
+FINER = 0.01  # of the tolerance: that of the flights which the step of the common clock is judged by
 MAX_STEPS = 1_000_000  # of a track, also points of a record; then it is STOPPED
 REACH = 1e-6  # of ``length``: the mesh's edge this near to an outline at rest is covered by it, round-off of meshes
 SKIN = 1e-11  # of ``length``: distances below it are contact: far above round-off, far below any tolerance
@@ -176,7 +176,7 @@ def _fly_all(flight: Packed, tracks: Tracks, workers: int, progress: Callable[[i
 def _fly_colliding(
     flight: Packed, tracks: Tracks, collisions: Collisions, seed: int, progress: Callable[[int, int], object]
 ) -> Tracks:
-    """Fly the granules as a crowd, in the lab; far finer flights of a sample, each granule alone, judge its step."""
+    """Fly granules that meet, in the lab; far finer flights of a sample, each granule alone, judge the step."""
     from .collisions.slab_driver import Slab, fly_colliding
 
     def alone(rows: NDArray[np.int64], forces: Sequence[str]) -> Tracks:

@@ -88,7 +88,7 @@ class Granules:
     nothing does, inf: at any speed;
     ``spin_lift`` factor on the coefficient of its spin lift; ``shape`` (n, 3) length, width and thickness over the
     diameter, by which granules meet each other, 1: a ball; ``flake`` (n,): it is such a plate (``laws.flake``);
-    ``depth`` m, its place across the slab of a crowd, None: drawn evenly; ``arrival`` (n, 2) m/s, the velocity with
+    ``depth`` m, its place across the slab, None: drawn evenly; ``arrival`` (n, 2) m/s, the velocity with
     which it came to the impact that it is born of, which the history force remembers, None: no impact. Raises
     SceneError, naming the count and the first index, for values that are not finite or out of range.
     """

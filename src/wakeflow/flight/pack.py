@@ -207,7 +207,7 @@ def _nearest_covered(flight: Packed, field: FlowField, x: Array) -> Index:
 # Granules fly in it, so that the mesh and the body it moves with stand still. With the mesh displaced by d, y = x - d
 # and w = v - d' obey the same equation with the air's velocity u(y, t) - d' and gravity g - d'': slips, drag and Du/Dt
 # are what they are in the lab, and nothing is approximated. Bodies and bins that rest in the lab move by -d.
-SAME = 1e-9  # relative difference of frequencies and phases that counts as none
+FREQUENCY_ROUNDING = 1e-9  # relative difference of frequencies and phases that counts as none
 MINUTE = 1e-9  # of an amplitude: relative motion below it is round-off
 
 
@@ -240,7 +240,7 @@ def relative(body: Body, swing: MeshOscillation) -> list[float]:
         raise SceneError("bodies: one moves by samples, the field's mesh vibrates; they must agree, or the body rest")
     if seen[2] != 0.0:
         lag = (seen[3] - swing.phase + math.pi) % (2 * math.pi) - math.pi
-        if abs(seen[2] - swing.omega) > SAME * swing.omega or abs(lag) > SAME:
+        if abs(seen[2] - swing.omega) > FREQUENCY_ROUNDING * swing.omega or abs(lag) > FREQUENCY_ROUNDING:
             raise SceneError(
                 f"bodies: one vibrates at {seen[2] / (2 * math.pi):g} Hz, phase {seen[3]:g}, the field's mesh at "
                 f"{swing.omega / (2 * math.pi):g} Hz, phase {swing.phase:g}: they must agree, or the body rest"

@@ -43,7 +43,7 @@ ADVICE = {
 
 
 class ClockStep(NamedTuple):
-    """The ``step`` of a crowd's clock (s), and the ``step_error`` that it was chosen by: how far nine of ten of a
+    """The ``step`` of the common clock (s), and the ``step_error`` that it was chosen by: how far nine of ten of a
     sample that meets nobody land at most from where far finer flights put them (lengths); the error that was ``asked``,
     and how many ``trials`` it took: none where the step was ``given``, whose error is not known (NaN).
     """
@@ -72,7 +72,7 @@ class ClockStep(NamedTuple):
 
 @dataclass(frozen=True)
 class CollisionFlight:
-    """How a crowd was flown: its ``clock``; ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3):
+    """How they met: the ``clock``; ``steps`` of the clock and of granules (``flown``); ``standing`` (k, 3):
     time (s), how many lay still or, leaning on others, hardly moved, and how many were born; ``jammed``: that most of
     the second half of the feed does. Of granules that flew alone: a clock without a step, and none taken.
     """
@@ -100,7 +100,7 @@ class Tracks:
 
     ``fate`` (n,) values of :class:`Fate`; ``steps`` taken, ``impacts`` on bodies, ``line`` index that ended the track
     or -1; ``spin`` rad/s; ``evaluations`` of the equation of motion; ``recorded`` paths, empty where none were kept.
-    With ``collisions``: ``meetings`` (n,) with other granules, and of the ``crowd`` how it was flown.
+    With ``collisions``: ``meetings`` (n,) with other granules, and of the ``collisions`` how it was flown.
     """
 
     position: Array
@@ -114,7 +114,7 @@ class Tracks:
     evaluations: Index
     meetings: Index
     recorded: list[Array] = field(default_factory=list)
-    crowd: CollisionFlight = field(default_factory=CollisionFlight)
+    collisions: CollisionFlight = field(default_factory=CollisionFlight)
 
     def __len__(self) -> int:
         return len(self.fate)

@@ -1,5 +1,5 @@
 """The collision of a granule with a wall or another granule: one law of impulses for the impact of eq. (1)-(2), the
-tracker's walls, the labyrinth and crowds.
+tracker's walls, the labyrinth and granules that meet.
 
 Rigid disc or sphere, Newton restitution R and Coulomb friction f. With the unit normal n (from the wall to the
 granule), the tangent t = z x n and the spin counter-clockwise positive, the contact point moves along the wall with

@@ -33,9 +33,9 @@ from ..core.registry import Registry
 # -- Impaction efficiency ----------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 Complex = NDArray[Any]
-STEP = 0.1  # of the distance to the nearest edge of the body: how far a granule or the air goes in a step
+STEP_PART = 0.1  # of the distance to the nearest edge of the body: how far a granule or the air goes in a step
 NEAREST = 0.01  # half widths: nearer to an edge steps do not shrink any more
-SLOWEST = 1e-3  # of the air's speed: what a step's length is at least divided by
+MIN_SPEED_PART = 1e-3  # of the air's speed: what a step's length is at least divided by
 STEPS = 2000  # steps; granules that are not past the body by then hover before it
 AHEAD = 2.5  # half channels upstream, where the flow is uniform to 4e-4
 DOWN = 50.0  # half channels downstream, where nothing is left to change
@@ -243,8 +243,8 @@ def _fly(
 
     for _ in range(STEPS):
         u, slope = air(label)
-        way = STEP * np.maximum(front.edge(z), NEAREST * front.half)
-        dt = way / np.maximum(np.maximum(np.abs(v), np.abs(u)), max(SLOWEST * abs(calm), 1e-300))
+        way = STEP_PART * np.maximum(front.edge(z), NEAREST * front.half)
+        dt = way / np.maximum(np.maximum(np.abs(v), np.abs(u)), max(MIN_SPEED_PART * abs(calm), 1e-300))
         dt = np.minimum(dt, np.sqrt(2.0 * way / max(abs(pull), 1e-300)))  # from rest
         tau = relax(np.abs(u - v))
         trial, _ = _step(z, v, u + pull * tau, tau, dt)

@@ -23,7 +23,7 @@ BLUNT = 2.2  # loss of a bluff body over b / (1 - b)^2, b the part of the channe
 OFF = 3.0  # by which factor that may be off, as these are
 FLOWS, ROWS = 257, 4  # of a row, and rows: the flow is found to the 256^4th part of the range
 HOUR = 3600.0  # s
-SAME = 1e-12  # of the fan's pressure: rounding
+PRESSURE_ROUNDING = 1e-12  # of the fan's pressure: rounding
 STEPS, HANGING = 60, 10  # of a crossing of the channel; crossings after which a granule is taken to hang in the air
 
 
@@ -68,7 +68,7 @@ def meeting(gives: OfFlow, takes: OfFlow, most: float) -> tuple[float, int]:
 
     Raises ValueError where they are equal nowhere, saying which of them is larger.
     """
-    low, high, others, nothing = 0.0, most, 0, SAME * float(gives(np.zeros(1)).max())
+    low, high, others, nothing = 0.0, most, 0, PRESSURE_ROUNDING * float(gives(np.zeros(1)).max())
     for row in range(ROWS):
         flows = np.linspace(low, high, FLOWS)
         left = gives(flows) - takes(flows)

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..answer.result import FILE, Request, Result, key_in
-from ..core import sums
+from ..core import own_files
 from ..core.errors import ProgramError, SceneError, WakeflowError
 from ..core.executor import Cluster
 from ..core.files import atomic_write, read_json, write_json
@@ -490,7 +490,7 @@ def _alone(folder: Path) -> AbstractContextManager[object]:
 
 def _tried(job: Job, until: str | None) -> str:
     try:
-        sums.refuse_foreign(job.folder, [job.folder / CRASH], CRASH)
+        own_files.refuse_foreign(job.folder, [job.folder / CRASH], CRASH)
         (job.folder / STAMP).unlink(missing_ok=True)
         if until is None:
             compile_tracker()
@@ -511,6 +511,6 @@ def _tried(job: Job, until: str | None) -> str:
 
 
 def _note(folder: Path, text: str) -> Path:
-    with sums.writing(folder, lambda: [folder / CRASH], CRASH), atomic_write(folder / CRASH) as stream:
+    with own_files.writing(folder, lambda: [folder / CRASH], CRASH), atomic_write(folder / CRASH) as stream:
         stream.write(text)
     return folder / CRASH

@@ -10,7 +10,7 @@ from typing import Any
 from ..answer.budget.agreement import Agreement, agreement_in
 from ..answer.result import Result
 from ..answer.result_table import DONE, Difference, Entry, ResultTable, differences_of, quantities_of
-from ..core import sums
+from ..core import own_files
 from ..core.errors import SceneError
 from ..core.files import made_folder
 from ..core.record import JsonMapping
@@ -89,8 +89,8 @@ class RunComparison(InTable):
         from ..show.many_figures import draw_table_figures
 
         files = page, whole, apart = [folder / name for name in ("compare.html", "compare.csv", "differences.csv")]
-        sums.refuse_foreign(made_folder(folder), files, "compare")
-        with sums.writing(folder, lambda: files, "compare"):
+        own_files.refuse_foreign(made_folder(folder), files, "compare")
+        with own_files.writing(folder, lambda: files, "compare"):
             draw_table_figures(folder, self.table)
             self.table.tidy().write_csv(whole)
             CellTable.of(self.differences, DIFFERENCES).write_csv(apart)
@@ -151,8 +151,8 @@ def write_agreement(agreement: Agreement, folder: Path) -> tuple[Path, Path]:
 
     table, figure = folder / "agreement.csv", folder / "measured.png"
     files = [table, *saved(figure)]
-    sums.refuse_foreign(made_folder(folder), files, "trays")
-    with sums.writing(folder, lambda: files, "trays"):
+    own_files.refuse_foreign(made_folder(folder), files, "trays")
+    with own_files.writing(folder, lambda: files, "trays"):
         agreement.cells().write_csv(table)
         draw_measured(figure, agreement)
     return table, figure

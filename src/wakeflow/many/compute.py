@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..answer.result import Request, Result
 from ..answer.result_table import FAILED, OPEN, Entry, ResultTable
-from ..core import sums
+from ..core import own_files
 from ..core.errors import SceneError
 from ..core.executor import Cluster, TaskPlace, Workers
 from ..core.files import digest_of, made_folder, path_of, remove_drafts
@@ -23,7 +23,7 @@ from ..core.store import cache_root
 from ..planning.stage_cache import Listener, null_listener
 from ..runs.progress import as_listener
 from ..scene import Scene
-from ..scene.whole import States
+from ..scene.scene_tables import States
 from .agenda import Agenda, Step, do_agenda, finished, make_agenda
 from .comparison import GrowingTable, InTable
 from .variant import Variant, of_scenes, read_sweep_file
@@ -160,7 +160,7 @@ def sweep(
                 )  # fmt: skip
                 _check_disk(agenda, folder)
                 rows = _Rows(folder, given, agenda)
-                with sums.writing(folder, partial(_tables, folder), COMMAND):
+                with own_files.writing(folder, partial(_tables, folder), COMMAND):
                     at_once = executor.size if isinstance(executor, Cluster) else count
                     do_agenda(agenda, executor, partial(listener, "sweep"), rows.ended, at_once)
                     return rows.finish(figures=figures)
@@ -179,7 +179,7 @@ def _folder_of(out: Path | str) -> Path:
     """The folder of a sweep, made where there is none. Raises SceneError where it holds what no sweep wrote."""
     folder = path_of(out, "out")
     made_folder(folder)
-    sums.refuse_foreign(folder, _tables(folder), COMMAND)
+    own_files.refuse_foreign(folder, _tables(folder), COMMAND)
     return folder
 
 
@@ -269,7 +269,7 @@ class _Rows:
         from ..show.many_figures import draw_table_figures
 
         table = self.rows.table
-        known, drawn = sums.listed(self.folder), [*(self.folder / "figures").glob("*.png")]
+        known, drawn = own_files.listed(self.folder), [*(self.folder / "figures").glob("*.png")]
         table.tidy().write_csv(self.folder / TABLE)
         table.wide().write_csv(self.folder / WIDE)
         table.write_parquet(self.folder / PARQUET)

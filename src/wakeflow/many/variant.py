@@ -10,7 +10,7 @@ from numbers import Integral
 from pathlib import Path
 
 from ..core.errors import SceneError
-from ..core.files import own_path, path_of, read_toml
+from ..core.files import path_of, read_toml, user_path
 from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
 from ..planning.stage_cache import Listener, null_listener
@@ -58,7 +58,7 @@ class TaskFile:
         name = self.table.get("scene")
         if not isinstance(name, str):
             raise SceneError(f"{self.kind}.scene is missing: name the scene file to change, relative to this one")
-        return own_path(name, self.path.parent, f"{self.kind}.scene")
+        return user_path(name, self.path.parent, f"{self.kind}.scene")
 
     def inside(self, key: str) -> JsonMapping:
         """The table ``key`` of the table; empty where there is none. Raises SceneError where it is something else."""

@@ -27,8 +27,8 @@ from ..laws.driven_jet import width_after
 from ..laws.span import IN_PLANE, Span
 from ..laws.turbulence import SPANWISE, model_at, turbulence_models
 from ..scene import Scene, Vibration
-from ..scene.own_files import is_laminar
 from ..scene.rungs import check_rung, rungs
+from ..scene.user_files import is_laminar
 from .terms import LOADING, VIBRATION
 from .wake import Wake, family_of, span_of, wake_of, wakes_beside
 

@@ -36,7 +36,9 @@ from .uniform_fall import FallRoom, UniformFall
 Array = NDArray[np.float64]
 SIZES = (1 / 6, 1 / 2, 5 / 6)  # mass quantiles whose falls represent a fraction's, a third of its mass each
 RARE = 0.05  # of the granules rebound beyond what a throw is taken for
-SLOWEST = 0.1  # m/s: the slowest fall that is believed of a curtain, which would be infinitely dense at rest; chosen
+MIN_FALL_SPEED = (
+    0.1  # m/s: the slowest fall that is believed of a curtain, which would be infinitely dense at rest; chosen
+)
 LEVEL = 1e-9  # upward part of a unit normal below which a face does not look up: round-off
 MAX_STREAMS = 25  # fractions whose meetings are estimated pair by pair: of 25 they take half a second
 STEPS = 400  # of a fall in a vacuum
@@ -44,7 +46,7 @@ ENTRIES, PLACES = 24, 96  # on a slope, of the sums over where granules came dow
 SHELTER = 3.0  # body widths from y = 0: a closed wake is at least as long; chosen
 RECIRCULATION = 0.2  # of the air speed U: how fast air that granules fall into leaves the wake; chosen
 CALM = 1e-3  # of the air speed: the wake's mean, zero but for round-off
-LONGEST = 1.0  # s: the longest that a granule is taken to lie in the curtain's way where nothing moves it out; chosen
+MAX_STAY = 1.0  # s: the longest that a granule is taken to lie in the curtain's way where nothing moves it out; chosen
 
 
 @dataclass(frozen=True)
@@ -167,10 +169,10 @@ def _ways(own: _Stream, other: _Stream) -> Iterator[tuple[float, float]]:
     yield sigma * other.flux * met, closing / met if met > 0.0 else 0.0
     if own.crossing > 0.0 and other.arrival > 0.0:
         closing = math.hypot(own.thrown, other.arrival)
-        yield sigma * other.flux / max(other.arrival, SLOWEST) * closing * own.crossing, closing
+        yield sigma * other.flux / max(other.arrival, MIN_FALL_SPEED) * closing * own.crossing, closing
     if other.crossing > 0.0 and own.arrival > 0.0:
         closing = math.hypot(other.thrown, own.arrival)
-        yield sigma * other.flux * other.crossing * closing / max(own.arrival, SLOWEST), closing
+        yield sigma * other.flux * other.crossing * closing / max(own.arrival, MIN_FALL_SPEED), closing
     if own.slope.within and other.slope.within:
         thick = max(own.slope.high, other.slope.high, sigma / (own.diameter + other.diameter))
         met, closing = _side_by_side(own.slope, other.slope)
@@ -188,7 +190,7 @@ def _side_by_side(one: _Slope, two: _Slope) -> tuple[float, float]:
     ends = one.within + one.beyond
     width = ends / PLACES
     places = (np.arange(PLACES) + 0.5) * width
-    mine, theirs = (np.maximum(slope.speed(places - came[:, None]), SLOWEST) for slope in (one, two))
+    mine, theirs = (np.maximum(slope.speed(places - came[:, None]), MIN_FALL_SPEED) for slope in (one, two))
     above = (places > came[:, None]).astype(float)  # (entries, places): who came down higher up than the place
     jitter = one.shaken**2 + two.shaken**2 + (one.hop**2 + two.hop**2) / 3.0
     closing = np.sqrt((mine[:, None] - theirs[None]) ** 2 + jitter)  # (entries of one, of two, places)
@@ -204,7 +206,7 @@ def _overtaking(one: _Fall, two: _Fall) -> tuple[float, float]:
     down = two.way[: int(two.way.argmax()) + 1], two.speed[: int(two.way.argmax()) + 1]
     beside = np.interp(one.way, *down, left=np.nan, right=np.nan)
     closing = np.nan_to_num(np.abs(one.speed - beside), nan=0.0)
-    slow = np.maximum(np.abs(np.nan_to_num(beside, nan=np.inf)), SLOWEST)
+    slow = np.maximum(np.abs(np.nan_to_num(beside, nan=np.inf)), MIN_FALL_SPEED)
     rate = closing / slow
     return float(rate @ steps), float((rate * closing) @ steps)
 
@@ -287,7 +289,7 @@ def _crossing(scene: Scene, thrown: float) -> float:
     """
     pull = scene.gravity * 0.5 * math.sin(2.0 * slope_of(scene)[0])
     way = 0.5 * scene.feed.width
-    return 0.5 * (1 + _rows(scene)) * min(time_down(way, thrown, pull), LONGEST)
+    return 0.5 * (1 + _rows(scene)) * min(time_down(way, thrown, pull), MAX_STAY)
 
 
 def time_down(way: float, speed: float, pull: float) -> float:

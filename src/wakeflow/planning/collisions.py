@@ -29,7 +29,7 @@ LIGHT = 1e-4  # of the mass of the heaviest fraction's granules: lighter ones tu
 WORTHWHILE = 0.5  # of a fraction's mass: a coarse part that holds less is not worth its granules
 SAMPLES, MAX_REPLICATES = 4, 16  # fewest that an interval is reported from; most that are flown
 MIN_RAREST_GRANULES = 16.0  # granules of the rarest fraction in a replicate, in the mean: seldom none
-STEP = 1e-4  # s: that a granule of some mm is stepped by
+EXPECTED_STEP = 1e-4  # s: that a granule of some mm is stepped by
 STEPS_A_SECOND = 5.2e6  # such granule steps a second and core: measured with all forces, in steps as long as allowed
 MAX_STEPS = 1.2e9  # granule steps of all replicates: some four minutes on two such cores; chosen
 CORES = 2
@@ -111,7 +111,7 @@ def plan_collisions(
     fewest = SAMPLES * (2 if paired else 1)
     replicates, operation = _timing(scene, rates, start_up, count, sum(in_flight.values()), fewest)
     lasting = operation + 2.0 * start_up
-    seconds = (sum(in_flight.values()) + CLOCK) * replicates * lasting / STEP / STEPS_A_SECOND / CORES
+    seconds = (sum(in_flight.values()) + CLOCK) * replicates * lasting / EXPECTED_STEP / STEPS_A_SECOND / CORES
     memory = BYTES_A_GRANULE * sum(rates.values()) * lasting * CORES
     least = replicates if scene.collisions.count else fewest
     return CollisionPlan(depth, tracers, in_flight, replicates, least, start_up, operation, count, seconds, memory)
@@ -143,7 +143,7 @@ def _timing(
     whole = max(whole, least * MIN_RAREST_GRANULES / min(rates[name] for name in real))
     replicates = int(np.clip(whole / (4.0 * start_up), least, MAX_REPLICATES)) // 2 * 2
     most = math.inf if scene.collisions.count else MAX_STEPS
-    affordable = most * STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
+    affordable = most * EXPECTED_STEP / (at_once + CLOCK) - 2.0 * replicates * start_up
     return replicates, max(min(whole, affordable), least * start_up) / replicates
 
 
@@ -192,25 +192,27 @@ def _stay(scene: Scene, fraction: Fraction, law: str, scale: float) -> float:
     return UniformFall.of(scene, fraction, law, scale, fraction.properties.diameter).times().whole
 
 
-def collision_lines(crowd: CollisionPlan) -> Iterator[str]:
+def collision_lines(collisions: CollisionPlan) -> Iterator[str]:
     """The slab in words."""
-    real = ", ".join(f"{number:.3g} {name}" for name, number in crowd.in_flight.items() if number)
+    real = ", ".join(f"{number:.3g} {name}" for name, number in collisions.in_flight.items() if number)
     fine = ", ".join(
-        name if share == 1.0 else f"the finer {share:.0%} of {name}" for name, share in crowd.tracers.items() if share
+        name if share == 1.0 else f"the finer {share:.0%} of {name}"
+        for name, share in collisions.tracers.items()
+        if share
     )
     beside = f"; {fine} as tracers that these can hit" if fine else ""
     yield (
-        f"collisions: a slab {1e3 * crowd.depth:.3g} mm deep, periodic across the picture, fed at the true rate: "
+        f"collisions: a slab {1e3 * collisions.depth:.3g} mm deep, periodic across the picture, fed at the true rate: "
         f"{real or 'no granules'} in flight at a time{beside}"
     )
-    least, number, seconds = "", f"{crowd.replicates}", f"{crowd.seconds:.0f}"
-    if crowd.fewest < crowd.replicates:
+    least, number, seconds = "", f"{collisions.replicates}", f"{collisions.seconds:.0f}"
+    if collisions.fewest < collisions.replicates:
         least = ", as many as make the shares noticeably better known"
-        number = f"{crowd.fewest} to {number}"
-        seconds = f"{crowd.seconds * crowd.fewest / crowd.replicates:.0f} to {seconds}"
+        number = f"{collisions.fewest} to {number}"
+        seconds = f"{collisions.seconds * collisions.fewest / collisions.replicates:.0f} to {seconds}"
     yield (
-        f"of the slab {number} replicates{least}, each {crowd.start_up:.2g} s to start up and "
-        f"{crowd.operation:.2g} s counted; about {seconds} s on two cores, "
-        f"{crowd.memory / 1e6:.0f} MB; the answer is the one with "
+        f"of the slab {number} replicates{least}, each {collisions.start_up:.2g} s to start up and "
+        f"{collisions.operation:.2g} s counted; about {seconds} s on two cores, "
+        f"{collisions.memory / 1e6:.0f} MB; the answer is the one with "
         "collisions, the one without is next to it"
     )

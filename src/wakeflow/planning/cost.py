@@ -160,7 +160,7 @@ def memory_of(work: Workload, key: StageKey) -> float:
         "mesh": MESHER,
         "airflow": SOLVER + MEMORY * cells,
         FLIGHTS: BYTES_IN_FLIGHT * min(count, AT_ONCE) + BYTES_LANDED * min(count, KEPT) * work.fractions,
-        "slab": 0.0 if work.crowd is None else work.crowd.memory,
+        "slab": 0.0 if work.collisions is None else work.collisions.memory,
     }
     return held + more.get(key.stage.work, 0.0)
 
@@ -188,14 +188,14 @@ def expected_stages(
     scene: Scene,
     airflow: AirflowPlan,
     fractions: Mapping[str, FractionPlan],
-    crowd: CollisionPlan | None,
+    collisions: CollisionPlan | None,
     sources: Iterable[FliesAgain] = (),
 ) -> tuple[StageCost, ...]:
     """The stages of a run, and those in which the ``sources`` of its budget fly granules again, in the order in which
     they are usually done.
     """
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
-    work = Workload(scene, airflow, crowd, len(fractions), len(fractions) + effort)
+    work = Workload(scene, airflow, collisions, len(fractions), len(fractions) + effort)
     again = [cost for source in sources for cost in source.costs(work)]
     found = [*(cost for name in stages for cost in stages[name].cost(work)), *again]
     found.sort(key=lambda cost: StageCost.ORDER.index(cost.when))
@@ -215,8 +215,8 @@ def flown_again(
         ahead = label != OWN and work.airflow.stepping
         compared = _flown(work, _fed(work.scene) * COMPARED // REPLICATES) - EACH_STAGE
         yield StageCost(key, EACH_STAGE + more + compared * times, "beside" if ahead else "after")
-    elif work.crowd is not None:
-        yield StageCost(key, times * _slab_seconds(work, work.crowd), "after")
+    elif work.collisions is not None:
+        yield StageCost(key, times * _slab_seconds(work, work.collisions), "after")
 
 
 def _pouring(work: Workload) -> Iterator[StageCost]:
@@ -280,18 +280,23 @@ def _gathering(work: Workload) -> Iterator[StageCost]:
 
 def _gathering_in_slab(work: Workload) -> Iterator[StageCost]:
     """COMPARED replicates of the slab, each three times as long as it takes to start up."""
-    crowd = work.crowd
-    if work.airflow.loaded and crowd is not None and _passes(work) > 1:
+    collisions = work.collisions
+    if work.airflow.loaded and collisions is not None and _passes(work) > 1:
         own = work.airflow.stepping != "time-resolved"
-        part = COMPARED * 3.0 * crowd.start_up / (crowd.replicates * (crowd.operation + 2.0 * crowd.start_up))
+        part = (
+            COMPARED
+            * 3.0
+            * collisions.start_up
+            / (collisions.replicates * (collisions.operation + 2.0 * collisions.start_up))
+        )
         key = StageKey(AirLabel(draft=not own), "slab-momentum")
-        yield StageCost(key, part * crowd.seconds, "answer" if own else "first")
+        yield StageCost(key, part * collisions.seconds, "answer" if own else "first")
 
 
 def _passes(work: Workload) -> int:
     """Passes under the force of granules alone, and, if they are several, one under that of granules that meet."""
     most = work.scene.numerics.loading_passes
-    return most + (most > 1 and work.crowd is not None)
+    return most + (most > 1 and work.collisions is not None)
 
 
 def _loading(work: Workload) -> Iterator[StageCost]:
@@ -311,17 +316,17 @@ def _flying(work: Workload) -> Iterator[StageCost]:
 
 def _in_slab(work: Workload) -> Iterator[StageCost]:
     """Cost of the slab: as many replicates as lie in the middle between the fewest and all."""
-    if work.crowd is not None:
-        flown = 0.5 * (work.crowd.fewest / work.crowd.replicates + 1.0)
-        yield StageCost(StageKey(OWN, "slab"), flown * _slab_seconds(work, work.crowd), "after")
+    if work.collisions is not None:
+        flown = 0.5 * (work.collisions.fewest / work.collisions.replicates + 1.0)
+        yield StageCost(StageKey(OWN, "slab"), flown * _slab_seconds(work, work.collisions), "after")
 
 
-def _slab_seconds(work: Workload, crowd: CollisionPlan) -> float:
+def _slab_seconds(work: Workload, collisions: CollisionPlan) -> float:
     """Core-seconds of all replicates of the slab."""
     slower = SLAB_IN_KNOWN_AIR if work.airflow.kind == "analytic" else 1.0
     if work.airflow.stepping == "time-resolved":
-        slower *= 1.0 + AIR_IN_TIME / (sum(crowd.in_flight.values()) + CLOCK)
-    return crowd.seconds * slower
+        slower *= 1.0 + AIR_IN_TIME / (sum(collisions.in_flight.values()) + CLOCK)
+    return collisions.seconds * slower
 
 
 def _fed(scene: Scene) -> int:

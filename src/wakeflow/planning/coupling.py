@@ -28,7 +28,7 @@ COUPLING, INDEPENDENT, TURBULENCE = "one-way coupling", "independent granules", 
 COLLIDING = 1e-3  # volume fraction above which granules of a suspension collide: "four-way" in Elghobashi 1994
 MODULATING = 1e-6  # volume fraction above which granules change the turbulence: "two-way" there
 LOADED = 0.1  # of the air's own flow of mass or momentum, and of the slope covered: chosen, what passes as small
-SLOWEST = 0.1  # m/s: taken for the speed of granules that the air holds in the curtain; chosen
+MIN_HELD_SPEED = 0.1  # m/s: taken for the speed of granules that the air holds in the curtain; chosen
 SHADE = 1.5  # area that a sphere covers, times its diameter, over its volume: (pi d^2 / 4) d / (pi d^3 / 6)
 MAX_EXCEEDANCE = 10.0  # limits: beyond, nothing is left of what is taken for granted; chosen
 PLACES = 500  # of the curtain, to tell which share of it falls on a body
@@ -67,7 +67,7 @@ def limits(
     def row(name: str, about: str, value: float, limit: float, why: str) -> Limit:
         return _limit(name, about, value, limit, why, rate)
 
-    speeds = {name: max(abs(speed), SLOWEST) for name, speed in arrivals.items()}
+    speeds = {name: max(abs(speed), MIN_HELD_SPEED) for name, speed in arrivals.items()}
     dense = scene.feed.crowding * _packing(scene, speeds)
     why = "solid volume in the curtain at the body, at each fraction's own speed"
     yield row("curtain", INDEPENDENT, dense, COLLIDING, f"{why} ({ELGHOBASHI})")

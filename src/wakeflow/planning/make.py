@@ -24,7 +24,7 @@ from ..laws.forces import FlightScales
 from ..laws.forces.force import REACH
 from ..scene import Fraction, Scene
 from ..scene.overrides import share_in
-from ..scene.whole import States, switched
+from ..scene.scene_tables import States, switched
 from .airflow_choice import JET, AirflowPlan, AirMotion, choose_airflow, vibration_of_scene
 from .collision_rates import RECIRCULATION, Encounters, ejection_speed, encounters, shifted
 from .collisions import (
@@ -328,9 +328,9 @@ def _planned(
     check_switches(flown, switches, airflow.turbulence)
     known = approaches(flown, airflow)
     obstacle = FIRST_LOOK if chain else why_no_collisions(flown) or too_many_to_collide(flown, _laws(known))
-    crowd = _crowd(flown, known, switches, target, obstacle, paired=airflow.mirrored)
+    collisions = _collisions(flown, known, switches, target, obstacle, paired=airflow.mirrored)
     airflow, known = _under_load(flown, airflow, known, target, switches)
-    together = whole_terms(airflow, crowd)
+    together = whole_terms(airflow, collisions)
     gate = TermGate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
     fractions, chosen = {}, {}
     for name, one in known.items():
@@ -338,8 +338,8 @@ def _planned(
     validity = _validity(flown, fractions, known, gate.limit)
     without_air, warned = _without_air(given, fractions) if chain else ([], [])
     strained = warning_lines(flown, airflow, fractions, validity, target, together)
-    slab = () if crowd is None else tuple(collision_lines(crowd))
-    stages = expected_stages(flown, airflow, fractions, crowd, sources)
+    slab = () if collisions is None else tuple(collision_lines(collisions))
+    stages = expected_stages(flown, airflow, fractions, collisions, sources)
     return Plan(
         airflow=airflow,
         target_error=target,
@@ -352,7 +352,7 @@ def _planned(
         notices=gravest_first((*strained, *warned, *missing_lines(chosen, flown.unit))),
         validity=validity,
         unit=flown.unit,
-        crowd=crowd,
+        collisions=collisions,
     )
 
 
@@ -376,7 +376,7 @@ def _under_load(
     return airflow, {name: one.driven if driven else one for name, one in known.items()}
 
 
-def _crowd(
+def _collisions(
     scene: Scene,
     approaches: Mapping[str, Approach],
     switches: Mapping[str, bool],

@@ -92,9 +92,9 @@ class FractionPlan(_Sendable):
         return table
 
 
-def whole_terms(airflow: AirflowPlan, crowd: CollisionPlan | None) -> frozenset[str]:
+def whole_terms(airflow: AirflowPlan, collisions: CollisionPlan | None) -> frozenset[str]:
     """The terms among ``planning.terms`` that are computed for the run as a whole, of all fractions together."""
-    return airflow.effects | ({COLLISIONS} if crowd is not None else set())
+    return airflow.effects | ({COLLISIONS} if collisions is not None else set())
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Plan(_Sendable):
     notices: tuple[Notice, ...] = column("", "what a user must know before the run, the gravest first", default=())
     validity: tuple[Limit, ...] = column("", "what the feed rate strains, and from which rate on", default=())
     unit: str = column("", "unit of lengths in this table: body widths or channel widths", default="body widths")
-    crowd: CollisionPlan | None = column(
+    collisions: CollisionPlan | None = column(
         "", "the slab in which granules meet; null where each flies alone", default=None
     )
 

@@ -15,11 +15,11 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from ..core.code_key import code_key
 from ..core.errors import SceneError
 from ..core.files import atomic_write, read_json, write_json
 from ..core.process import check_cancelled
 from ..core.record import column
-from ..core.sources import code_key
 from ..core.store import MANIFEST, Store
 from .stages import OWN, AirLabel, StageKey
 

@@ -79,7 +79,7 @@ class Workload(NamedTuple):
 
     scene: Scene
     airflow: AirflowPlan
-    crowd: CollisionPlan | None
+    collisions: CollisionPlan | None
     fractions: int
     effort: float
 

@@ -197,9 +197,9 @@ class TermGate:
     share).
 
     ``switches``: terms switched by hand; ``turbulence`` of the airflow; ``together``: terms that are computed for the
-    run as a whole, of all fractions together; ``crowded``: why collisions cannot be, empty where they can. ``swung``:
-    the most that air which does not see the body vibrate changes a share by, infinite where that was not measured;
-    where it was it is no doubt.
+    run as a whole, of all fractions together; ``no_collisions``: why collisions cannot be, empty where they can.
+    ``swung``: the most that air which does not see the body vibrate changes a share by, infinite where that was not
+    measured; where it was it is no doubt.
     """
 
     scene: Scene
@@ -207,7 +207,7 @@ class TermGate:
     target: float
     turbulence: str
     together: Collection[str] = ()
-    crowded: str = ""
+    no_collisions: str = ""
     swung: float = math.inf
 
     @property
@@ -256,7 +256,7 @@ class TermGate:
         left_out: tuple[LeftOutTerm, ...] = ()
         shift = min(self.scene.channel.width / self.scene.width, collisions)
         if COLLISIONS not in self.together:
-            reason = SWITCHED_OFF if self.switches.get(COLLISIONS) is False else self.crowded or self.too_small
+            reason = SWITCHED_OFF if self.switches.get(COLLISIONS) is False else self.no_collisions or self.too_small
             left_out = (LeftOutTerm(COLLISIONS, shift, f"{bounds[COLLISIONS].why}; {reason}", name),)
         weight = tuple(force for force in _always() if forces[force].in_vacuum)
         return TermSelection(weight, {COLLISIONS: shift}, self.limit, left_out, {})
@@ -269,7 +269,7 @@ class TermGate:
     def _blocked(self, fraction: Fraction, term: str) -> str:
         """Why a term cannot be computed for a fraction; empty where it can."""
         if term == COLLISIONS:
-            return self.crowded
+            return self.no_collisions
         if term == VIBRATION:
             return f"the air sees the body at rest; --force {VIBRATION}=on moves the mesh with it (rung standard)"
         if term == LOADING:

@@ -26,7 +26,7 @@ from ..scene import Fraction, Scene
 
 Array = NDArray[np.float64]
 REYNOLDS = np.geomspace(1e-9, 1e8, 4096)  # of the table of terminal velocities; its error is below 1e-5
-STEP = 0.01  # of the time that the whole fall takes about; chosen: an error of about 1 %
+STEP_PART = 0.01  # of the time that the whole fall takes about; chosen: an error of about 1 %
 MAX_STEPS = 3000  # 30 times that: a granule that has not come through by then hangs in the air
 MIN_LANDING = 0.1  # of the air speed: what a landing speed is at least taken for, where a granule nearly hangs
 
@@ -181,7 +181,7 @@ def _fall(granule: FallingGranule, speed: float, room: FallRoom) -> tuple[FallPo
     air: Any = complex(granule.along, granule.across) if granule.across else granule.along
     least = min(room.down, room.up)
     passing = least / abs(air) if air != 0.0 else math.inf
-    step = STEP * min(math.sqrt(2.0 * least / granule.gravity), passing)
+    step = STEP_PART * min(math.sqrt(2.0 * least / granule.gravity), passing)
     time, way, velocity = 0.0, air * 0.0, air * 0.0 + speed
     points: list[FallPoint] = []
     while not points or (len(points) < MAX_STEPS and room.holds(way)):

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..answer.result import FILE, GRANULES, JOINT, Request, Result, key_in
-from ..core import sums
+from ..core import own_files
+from ..core.code_key import package_key
 from ..core.record import to_json
-from ..core.sources import package_key
 from ..core.store import content_key
 from ..core.tables import Columns
 from ..flight.stages.pipeline import Pipeline
@@ -64,8 +64,8 @@ def refuse_foreign(folder: Path) -> None:
     """Raise SceneError where a run in ``folder`` would replace files that no run wrote; a result of an earlier version
     has no list of them.
     """
-    if (folder / sums.SUMS).exists() or key_in(folder) is None:
-        sums.refuse_foreign(folder, written_files(folder), COMMAND)
+    if (folder / own_files.SUMS).exists() or key_in(folder) is None:
+        own_files.refuse_foreign(folder, written_files(folder), COMMAND)
 
 
 def written_files(folder: Path) -> list[Path]:

@@ -36,7 +36,7 @@ from ..answer.result import (
     request_in,
 )
 from ..answer.shares import InputSummary, LandingResults, collisions_of
-from ..core import sums
+from ..core import own_files
 from ..core.errors import SceneError
 from ..core.files import made_folder, path_of, remove_drafts
 from ..core.graded import Notice, gravest_first, less_sure
@@ -51,8 +51,7 @@ from ..planning.feed_funnel import FunnelSummary, by_law_line, discharge_lines
 from ..planning.stage_cache import Listener, null_listener
 from ..scene import Scene
 from ..scene.changes import stem_name
-from ..scene.whole import States
-from .effort import affordable
+from ..scene.scene_tables import States
 from .folder import (
     COMMAND,
     LOCK,
@@ -69,6 +68,7 @@ from .planned import make_plan
 from .progress import as_listener, ignore
 from .refine import refined
 from .run_stages import as_blown, one_thread_of_blas, stages_of
+from .time_budget import affordable
 
 if TYPE_CHECKING:
     from ..flight.stages.landings import Landings
@@ -155,7 +155,7 @@ class OneRun:
 
     def written(self, result: Result, landings: Mapping[str, Landings]) -> Result:
         """The result with its pictures, its folder written; the ``landings`` of granules that flew are in them."""
-        with sums.writing(self.folder, partial(written_files, self.folder), COMMAND):
+        with own_files.writing(self.folder, partial(written_files, self.folder), COMMAND):
             result = replaced(result, limits=tuple(verdicts_of(result)))
             result = self._drawn(result, landings)
             result.save()
@@ -207,9 +207,9 @@ class OneRun:
         scene = self.pipeline.scene
         joint, budget = make_budget(flights)
         separation, alone, slab = joint.own.separation(), None, None
-        for crowd in flights.slab:
+        for collisions in flights.slab:
             alone = of_granules_alone(flights).own.separation()
-            slab = collisions_of(self.pipeline.collision_stage.crowd, crowd)
+            slab = collisions_of(self.pipeline.collision_stage.collisions, collisions)
         bracket = next((wakes.means(list(scene.bin)) for wakes in flights.of(MODEL)), {})
         loading = self.pipeline.loading
         effects = {} if loading is None else loading_effects(loading, separation.bins)
@@ -225,9 +225,9 @@ class OneRun:
 
     def _key(self, *, flies: bool) -> str:
         """What the answer depends on."""
-        crowd = self.pipeline.collisions_key if flies and self.request.until is None else None
+        collisions = self.pipeline.collisions_key if flies and self.request.until is None else None
         tracks = self.pipeline.tracks_key if flies else None
-        return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, crowd)
+        return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, collisions)
 
     def _drawn(self, result: Result, landings: Mapping[str, Landings]) -> Result:
         """The result with the pictures of its report, which is drawn where it is not in the folder already."""
@@ -287,7 +287,7 @@ def run(
     (:mod:`.refine`), unless ``refine`` is False. ``listener(stage, text)`` hears of progress, one call at a
     time: ``print`` serves, and a notebook shows a bar by itself; ``planned(plan)`` hears before of what will be done.
     ``quick`` answers in half a minute with coarse settings and no time-resolved wake; with a ``budget`` (s, or "3 min")
-    the finest settings are chosen that are expected to fit into it (:mod:`.effort`).
+    the finest settings are chosen that are expected to fit into it (:mod:`.time_budget`).
     ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """

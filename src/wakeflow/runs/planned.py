@@ -17,7 +17,7 @@ from ..planning.make import make_plan as decide
 from ..planning.plan import Plan
 from ..planning.plan_messages import unfelt, unfelt_line
 from ..scene import Scene
-from ..scene.whole import States
+from ..scene.scene_tables import States
 
 
 def make_plan(

@@ -22,7 +22,7 @@ from ..planning.plan import Plan
 from ..planning.stage_cache import Listener
 from ..planning.terms import AIR, COLLISIONS, LOADING, VIBRATION, bounds, check_switches
 from ..scene import Scene
-from .effort import (
+from .time_budget import (
     Choice,
     RoundPrices,
     applied,
@@ -185,7 +185,7 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
     computing alone), or no setting brings it there. Returns the last round, saved with the table of all of them.
     Raises as the runs do.
     """
-    way = _Way(scene, target, plan, listener)
+    way = _Refining(scene, target, plan, listener)
     choice = Choice(cheapest(settings_of(scene, plan), target))
     seconds = plan.estimate["seconds"]
     way.tell(f"first look with {_words(choice.settings)}; the scene's own settings would take about {seconds:.2g} s")
@@ -204,7 +204,7 @@ def refined(scene: Scene, target: float, compute: Callable[[Scene], Result], pla
 
 
 @dataclass
-class _Way:
+class _Refining:
     """The rounds of one run so far, and what decides on the next."""
 
     scene: Scene

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from .machine import Air, Body, Channel, Inlet, Samples, Vibration
     from .pictures import Picture, picture_tables
     from .scene import Scene, units_written
+    from .scene_tables import Numerics, SceneTables
     from .table import RESERVED_BIN, Table
-    from .whole import Numerics, SceneTables
 
 __all__ = [
     "OVER_THE_TOP", "RESERVED_BIN", "Air", "Bin", "Body", "Channel", "Coefficient", "CollisionTable", "Feed",

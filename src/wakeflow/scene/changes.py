@@ -20,7 +20,7 @@ from .scene import Scene
 from .table import flat as flat  # handed on
 
 # -- What differs between scenes ---------------------------------------------------------------------------------------
-LONGEST = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
+MAX_NAME = 100  # letters of a folder's name: file systems take 255 bytes, people fewer
 PARTS = "+"  # between the changes in a name
 
 
@@ -43,10 +43,10 @@ def folder_name(changes: Mapping[str, object]) -> str:
     'air.speed=7+numerics.rung=draft'
     """
     name = PARTS.join(f"{key}={_text(value)}" for key, value in changes.items())
-    if len(name) <= LONGEST:
+    if len(name) <= MAX_NAME:
         return name
     mark = hashlib.sha256(json.dumps(dict(changes), default=str).encode()).hexdigest()[:8]
-    return f"{name[: LONGEST - len(mark) - 1]}-{mark}"
+    return f"{name[: MAX_NAME - len(mark) - 1]}-{mark}"
 
 
 def run_folder(stem: str, scene: Scene, changed: Iterable[str], options: Mapping[str, object]) -> str:

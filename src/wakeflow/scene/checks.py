@@ -16,9 +16,9 @@ from ..core.registry import did_you_mean
 from .measured import Measured
 from .pictures import STANDARD_FIGURES, Streamlines
 from .rungs import rungs
+from .scene_tables import SceneTables
 from .table import RESERVED_BIN
 from .uncertainty import NEVER_ABOVE, OF_FRACTION, OF_SCENE, TOGETHER, margins_of, wrong_ties
-from .whole import SceneTables
 
 APART = 0.02  # widths of the first body: bodies that are nearer to each other, or to an opening, cannot be meshed
 STAYING = ("capture_speed", "sticks")  # of a fraction: what stays at a wall

@@ -20,7 +20,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from ..core.arrays import plain
 from ..core.errors import SceneError
-from ..core.files import own_path, path_of
+from ..core.files import path_of, user_path
 from ..core.number import Number
 from ..core.quantities import quantity, split_quantity
 from ..core.registry import did_you_mean
@@ -330,5 +330,5 @@ def trays_in(data: Mapping[str, object], base: Path) -> Mapping[str, object]:
     given = data.get("measured")
     if not isinstance(given, str):
         return data
-    trays = read_trays(own_path(given, base, "measured"))
+    trays = read_trays(user_path(given, base, "measured"))
     return {**data, "measured": [tray.model_dump(exclude_unset=True) for tray in trays]}

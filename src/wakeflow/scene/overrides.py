@@ -14,7 +14,7 @@ from ..core.files import check_tables
 from ..core.quantities import quantity
 from ..core.record import JsonMapping, JsonTable
 from ..core.registry import did_you_mean
-from .whole import ON_OFF
+from .scene_tables import ON_OFF
 
 KINDS = {"shape", "kind"}  # keys whose value decides which other keys a table has: one with them comes whole
 NAMED = ("body", "fraction", "bin", "picture")  # tables of tables, whose names are the user's

@@ -26,11 +26,11 @@ from .checks import CHECKS, OVER_THE_TOP
 from .measured import trays_in
 from .messages import EVERYWHERE, doubts, explain, units_in, with_units
 from .overrides import changed
-from .own_files import with_own_files, with_own_materials
+from .scene_tables import SceneTables
 from .schema import Place
 from .table import without_none
 from .uncertainty import with_uncertainty_table
-from .whole import SceneTables
+from .user_files import with_own_files, with_own_materials
 
 Array = NDArray[np.float64]
 MOST = 40  # mistakes of a scene that are told

@@ -14,8 +14,8 @@ from ..core.errors import SceneError
 from ..core.quantities import say
 from ..core.record import JsonTable
 from ..core.registry import did_you_mean
+from .scene_tables import SceneTables
 from .table import without_none
-from .whole import SceneTables
 
 Place = tuple[str | int, ...]  # keys, and places in lists, from the top of a scene
 Node = JsonTable  # a schema within the schema

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..answer.result import VOID
 from ..answer.result_table import OPEN, Entry, ResultTable, TableQuantity
-from ..core import sums
+from ..core import own_files
 from ..core.errors import SceneError
 from ..core.number import NO_VALUE, UNKNOWN_ERROR, UNKNOWN_SPAN
 from .canvas import INK, fraction_colours, new_figure, save, saved, text_width
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 _Lines = Mapping[str, list[tuple[float, TableQuantity]]]  # by what else varies: values of an input, quantities there
 STYLES: Sequence[LineStyleType] = ("-", "--", ":", "-.")
 MAX_LINES = len(STYLES)  # values of the other inputs that are told apart by the style of a line; else points
-LONGEST = 60  # letters of what tells a line from the others
+MAX_LABEL = 60  # letters of what tells a line from the others
 PANEL, HIGH = 4.4, 3.8  # inches, of a panel with lines
 NOTE_SIZE = 5.5  # points: of what is below a number
 LETTERS, ROW, SAMPLE = 7.0, 0.16, 0.45  # legends: points, inches a row, inches a line's sample takes
@@ -98,13 +98,13 @@ def draw_lines(path: Path, table: ResultTable, names: Sequence[str], key: str) -
 class _Legend(NamedTuple):
     """What is above a panel: its quantities by colour and marker, what else varies by the style of the line."""
 
-    looks: Mapping[str, _Look]
+    looks: Mapping[str, _LineColour]
     styles: Mapping[str, LineStyleType]
     columns: int
 
     @classmethod
-    def of(cls, looks: Mapping[str, _Look], styles: Mapping[str, LineStyleType]) -> _Legend:
-        labels = {shorten(rest, LONGEST, placeholder=" ..."): style for rest, style in styles.items() if rest}
+    def of(cls, looks: Mapping[str, _LineColour], styles: Mapping[str, LineStyleType]) -> _Legend:
+        labels = {shorten(rest, MAX_LABEL, placeholder=" ..."): style for rest, style in styles.items() if rest}
         widest = max(text_width(text, LETTERS) for text in (*looks, *labels))
         return cls(looks, labels, max(1, int(PANEL / (widest + SAMPLE))))
 
@@ -123,12 +123,12 @@ class _Legend(NamedTuple):
         )  # fmt: skip
 
 
-class _Look(NamedTuple):
+class _LineColour(NamedTuple):
     colour: str
     marker: str
 
 
-def _looks(quantities: Sequence[str]) -> dict[str, _Look]:
+def _looks(quantities: Sequence[str]) -> dict[str, _LineColour]:
     """Each quantity in the colour of its fraction, recovery.FRACTION, share.FRACTION.BIN or purity.BIN.FRACTION, the
     dirt of a bin in one of its own, and with a marker that tells it from the others of that fraction.
     """
@@ -136,7 +136,7 @@ def _looks(quantities: Sequence[str]) -> dict[str, _Look]:
     fractions = {name: part[-1] if part[0] == "purity" else part[min(1, len(part) - 1)] for name, part in parts.items()}
     colours = fraction_colours(list(fractions.values()))
     markers = {fraction: itertools.cycle(MARKERS) for fraction in colours}
-    return {name: _Look(colours[fraction], next(markers[fraction])) for name, fraction in fractions.items()}
+    return {name: _LineColour(colours[fraction], next(markers[fraction])) for name, fraction in fractions.items()}
 
 
 def _shifts(panel: Mapping[str, _Lines]) -> dict[str, dict[str, float]]:
@@ -155,7 +155,7 @@ def _shifts(panel: Mapping[str, _Lines]) -> dict[str, dict[str, float]]:
 
 
 def _lines(
-    axes: Axes, groups: _Lines, styles: Mapping[str, LineStyleType], look: _Look, shifts: Mapping[str, float]
+    axes: Axes, groups: _Lines, styles: Mapping[str, LineStyleType], look: _LineColour, shifts: Mapping[str, float]
 ) -> None:
     """A quantity's lines in their styles with whiskers; points alone where there are no styles, for they are many."""
     for rest, points in groups.items():
@@ -431,11 +431,11 @@ def draw_table_figures(folder: Path, table: ResultTable) -> list[Path]:
     """
     drawn = _figures(folder / "figures", of_worth(table))
     files = [file for png in drawn for file in saved(png)]
-    sums.refuse_foreign(folder, files, COMMAND)
-    for name in sums.listed(folder):
+    own_files.refuse_foreign(folder, files, COMMAND)
+    for name in own_files.listed(folder):
         if OF_TABLE.fullmatch(name):
             (folder / name).unlink(missing_ok=True)
-    with sums.writing(folder, lambda: files, COMMAND):
+    with own_files.writing(folder, lambda: files, COMMAND):
         for png, draw in drawn.items():
             draw(png)
     return list(drawn)

@@ -121,9 +121,9 @@ def _lines(plan: Plan, scene: Scene) -> Iterator[tuple[str, str]]:
     if held := [f"{name} at most {100 * most:.4g} %" for name, most in scene.limit.by_name.items()]:
         yield "held to", ", ".join(held)
     yield "flown with", _terms(plan)
-    if plan.crowd is not None:
-        flying = _round(sum(plan.crowd.in_flight.values()))
-        yield "meetings", f"granules meet, {flying} at a time in a slab {metres(plan.crowd.depth, 2)} deep"
+    if plan.collisions is not None:
+        flying = _round(sum(plan.collisions.in_flight.values()))
+        yield "meetings", f"granules meet, {flying} at a time in a slab {metres(plan.collisions.depth, 2)} deep"
     yield "left out", _left_out(plan)
     for number, notice in enumerate(floor_notices(scene)):
         yield "" if number else "uncaught", notice.text
@@ -145,7 +145,7 @@ def _bounds(plan: Plan) -> WordTable:
     """Terms by fractions: what each could move, in body widths; bold with a star where it is computed."""
     from rich.text import Text
 
-    whole, rows = whole_terms(plan.airflow, plan.crowd), list[list[str | Text]]()
+    whole, rows = whole_terms(plan.airflow, plan.collisions), list[list[str | Text]]()
     for term in next(iter(plan.fractions.values())).bounds:
         cells = [
             Text(f"* {how.bounds[term]:.2g}", "bold")

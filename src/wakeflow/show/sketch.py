@@ -34,7 +34,7 @@ TEXT_SIZE, LINE = 9.0, 0.172  # points of the measures; inches of a line of them
 BESIDE = 0.35  # inches between the machine and what is written beside it
 MIN_SCALE = 0.5  # inches per m of a machine in a part of a figure that has no room for its notes
 OUTSIDE = 0.22  # inches between the machine and a line of measures along it
-POINTS = 72.0  # an inch: the unit of an SVG's viewBox
+POINTS_PER_INCH = 72.0  # an inch: the unit of an SVG's viewBox
 HEIGHT = 0.75  # inches on the left that the channel's height takes
 
 
@@ -115,9 +115,9 @@ def sketch_svg(scene: Scene, units: Mapping[str, str] = UNITS) -> DrawnSketch:
     with matplotlib.rc_context({"svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", metadata={"Date": None})
     text, (x, y) = stream.getvalue(), figure.axes[0].transData.transform((0.0, 0.0))
-    dots = POINTS / figure.dpi
+    dots = POINTS_PER_INCH / figure.dpi
     across = figure.axes[0].transData.transform((MM, 0.0))[0] - x
-    tall = POINTS * figure.get_size_inches()[1]
+    tall = POINTS_PER_INCH * figure.get_size_inches()[1]
     return DrawnSketch(text[text.index("<svg") :], (float(dots * x), float(tall - dots * y)), float(dots * across))
 
 

@@ -118,7 +118,7 @@ def measure_next(result: Result) -> list[str]:
 
 
 def alone_table(separation: Separation, alone: Separation) -> Table:
-    """Bins by fractions: the shares of granules that meet no others, and what crowding changes of them, in points."""
+    """Bins by fractions: the shares of granules that meet no others, and what collisions change of them, in points."""
 
     def row(name: str, pairs: Iterable[tuple[Number | None, Number | None]]) -> list[str]:
         return [name, *(f"{words.percent(one)}  ({words.change_of(one, met)})" for one, met in pairs)]

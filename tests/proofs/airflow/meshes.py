@@ -22,9 +22,9 @@ from wakeflow.air.foam import FlowSpec, solve_airflow
 from wakeflow.air.mesh import build_mesh, plan_mesh
 from wakeflow.air.mesh.spec import Strategy
 from wakeflow.answer.budget.mesh import cell_size, estimate
+from wakeflow.core.code_key import code_key
 from wakeflow.core.errors import known
 from wakeflow.core.files import case_template, write_json
-from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.laws.shape import shapes
 

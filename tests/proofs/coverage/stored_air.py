@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from wakeflow.air.field import FlowField
 from wakeflow.air.kinds.airflow_kinds import FlownAir
 from wakeflow.air.kinds.airflow_table import Airflow
+from wakeflow.core.code_key import code_key
 from wakeflow.core.geometry import distance_to
 from wakeflow.core.lazy import cached_property
-from wakeflow.core.sources import code_key
 from wakeflow.core.store import content_key, digest_files
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.planning.airflow_choice import AirflowPlan

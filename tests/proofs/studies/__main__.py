@@ -7,7 +7,7 @@ from cyclopts import App
 
 STUDIES = {  # module: its studies, each a function of its name, or of the name ``main`` where it is alone
     "bounds": ("gates", "impaction", "injection_or_resolved"),
-    "collisions": ("crowd_draws", "crowd_speed", "crowding", "throughput"),
+    "collisions": ("collision_draws", "collision_speed", "crowding", "throughput"),
     "costs": ("cost_by_seed", "mpi_ranks", "plan_times", "sweep_speed", "threads", "time_resolved_cost"),
     "ends": ("domain", "locked_band", "vibrating_air", "wake_ends"),
     "flakes": ("chaff_alone", "flakes", "flakes_in_air", "kernels"),

@@ -1,13 +1,13 @@
 """Studies of granules that meet each other.
 
-crowd_draws: How far the unknown numbers of a scene move the shares of granules that meet, next to those of granules
+collision_draws: How far the unknown numbers of a scene move the shares of granules that meet, next to those of granules
 alone. The slope is that of the slab's changes of all bin shares over those of granules alone: 1 where what an answer
 takes for it holds. Changes alone are of two halves of the granules, one the other's instrument, so that their sampling
 does not lower the slope; its interval is a jackknife's over the draws. *Taken* is the factor that an answer takes
 (src/wakeflow/answer/budget/flown_again.py). docs/uncertainty.md.
 
-crowd_speed: How fast granules that meet fly, and in how much memory: a stream of wheat and chaff through air that rises
-in a channel past the rhombus. docs/model.md: --granules 3000
+collision_speed: How fast granules that meet fly, and in how much memory: a stream of wheat and chaff through air that
+rises in a channel past the rhombus. docs/model.md: --granules 3000
 
 crowding: The plan's estimate of collisions and its bound on what they change, next to slabs that were flown; the bound
 holds where the change of no share exceeds it by more than sampling explains. docs/validation.md.
@@ -53,7 +53,7 @@ from wakeflow.show.words import percent
 
 from .common import COARSE, HOUR, MEET, Row, collisions_of, picture, piped, separation, show
 
-# -- crowd_draws -------------------------------------------------------------------------------------------------------
+# -- collision_draws ---------------------------------------------------------------------------------------------------
 SCENES = ("rhombus", "labyrinth", "vacuum")
 DRAWS_ALONE = 4  # replicates that fly alone under a draw, two in each half
 REPLICATES_DRAWN = 4  # of the slab under a draw
@@ -80,7 +80,12 @@ class Moved(NamedTuple):
 def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, float]]:
     """What the numbered ``draws`` change of each fraction's shares, and the factor that is taken for it."""
     pipeline = piped(scene, force=MEET)
-    crowd, tracked, stage, bins = pipeline.crowd(), pipeline.tracks(), InputRerun().stage(pipeline), len(scene.bin)
+    collisions, tracked, stage, bins = (
+        pipeline.collisions(),
+        pipeline.tracks(),
+        InputRerun().stage(pipeline),
+        len(scene.bin),
+    )
     size = replicate_size(scene.feed.count)
     meet: dict[str, list[Array]] = {name: [] for name in scene.fraction}
     alone: dict[str, list[Array]] = {name: [] for name in scene.fraction}
@@ -90,10 +95,10 @@ def moved(scene: wf.Scene, draws: Sequence[int]) -> Iterator[tuple[str, Moved, f
         drawn = _flown_drawn(pipeline, number, made, airs)
         flown = [stage.fly_under(made, airs, tracked, replicate, range(size)) for replicate in range(DRAWS_ALONE)]
         for name in scene.fraction:
-            one, other = (landings[name].counts(bins).mean(axis=0) for landings in (drawn, crowd.landings))
+            one, other = (landings[name].counts(bins).mean(axis=0) for landings in (drawn, collisions.landings))
             meet[name].append(one - other)
             alone[name].append(np.array([_change(part, name, bins) for part in flown]))
-    among = AmongOthers(scene, tracked.landings, crowd.landings)
+    among = AmongOthers(scene, tracked.landings, collisions.landings)
     for name in scene.fraction:
         each = np.array(alone[name])
         halves = each[:, ::2].mean(axis=1), each[:, 1::2].mean(axis=1)
@@ -104,7 +109,7 @@ def _flown_drawn(pipeline: Pipeline, number: int, made: Variation, airs: Realisa
     """Landings of granules that meet, from some replicates under draw ``number``: ``made``, in its ``airs``."""
     stage, rerun = pipeline.collision_stage, SlabRerun(f"slab-draw-{number}")
     flown = {"scene": made.fed(pipeline.scene), "airs": airs, "variation": made}
-    flight = replace(stage.flight(rerun), step=pipeline.crowd().clock.step, **flown)
+    flight = replace(stage.flight(rerun), step=pipeline.collisions().clock.step, **flown)
     key = content_key(
         stage.key,
         "draw",
@@ -174,12 +179,12 @@ def draws_rows(which: str, draws: int, count: int, rate: float | None) -> Iterat
         }  # fmt: skip
 
 
-def crowd_draws(*scenes: str, draws: int = 32, count: int = 1024, rate: float | None = None) -> list[Row]:
+def collision_draws(*scenes: str, draws: int = 32, count: int = 1024, rate: float | None = None) -> list[Row]:
     """Draws among granules that meet, at the scenes' own feed rate or at another (kg/h): rhombus, labyrinth, vacuum."""
     return show(DRAWS_COLUMNS, (row for which in scenes or SCENES for row in draws_rows(which, draws, count, rate)))
 
 
-# -- crowd_speed -------------------------------------------------------------------------------------------------------
+# -- collision_speed ---------------------------------------------------------------------------------------------------
 WIDTH, HEIGHT, SPEED = 0.48, 0.5, 1.5
 RHOMBUS = np.array([[-0.03, 0.0], [0.0, -0.03], [0.03, 0.0], [0.0, 0.03]])
 FORCES = {
@@ -230,14 +235,14 @@ def flown(count: int, rate: float, forces: str) -> Row:
     wf.track(field, feed(8, 1e3), **laws)  # compiles
     began = time.process_time()
     tracks = wf.track(field, feed(count, rate), **laws)
-    speed = tracks.crowd.flown / (time.process_time() - began)
+    speed = tracks.collisions.flown / (time.process_time() - began)
     return {
-        "forces": forces, "rate": rate, "at_once": tracks.crowd.flown / tracks.crowd.steps, "speed": speed,
-        "steps": tracks.crowd.flown, "collisions": tracks.meetings.mean(),
+        "forces": forces, "rate": rate, "at_once": tracks.collisions.flown / tracks.collisions.steps, "speed": speed,
+        "steps": tracks.collisions.flown, "collisions": tracks.meetings.mean(),
     }  # fmt: skip
 
 
-def crowd_speed(granules: int = 20_000) -> list[Row]:
+def collision_speed(granules: int = 20_000) -> list[Row]:
     """Granule steps a second and core where granules meet."""
     found = show(SPEED_COLUMNS, (flown(granules, rate, forces) for forces, rate in product(FORCES, SPEED_RATES)))
     print(f"memory of the process at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
@@ -260,11 +265,11 @@ def bound_rows(which: str, rates: Sequence[float] = BOUND_RATES, count: int = CO
     for rate in rates:
         scene = shipped(which, {"feed.count": count, "feed.rate": rate / HOUR, **COARSE[which]})
         pipeline = piped(scene, force=MEET)
-        plan, crowd = pipeline.plan, pipeline.crowd()
-        met, alone = separate(scene, crowd.landings), separation(pipeline)
-        one_by_one = [name for name in scene.fraction if not plan.crowd.tracers[name]]
+        plan, collisions = pipeline.plan, pipeline.collisions()
+        met, alone = separate(scene, collisions.landings), separation(pipeline)
+        one_by_one = [name for name in scene.fraction if not plan.collisions.tracers[name]]
         found = encounters(scene, {name: (how.drag, how.drag_scale) for name, how in plan.fractions.items()})
-        for name, landing in crowd.landings.items():
+        for name, landing in collisions.landings.items():
             pairs = [(met.fractions[name][place], alone.fractions[name][place]) for place in met.bins]
             change, error = max((abs(a.value - b.value), (a.half**2 + b.half**2) ** 0.5) for a, b in pairs)
             bound = min(1.0, plan.fractions[name].bounds[COLLISIONS] / limit_of(scene, 1.0))
@@ -311,7 +316,7 @@ def feed_rows(scene: wf.Scene, rates: Sequence[float], rung: str | None = None) 
     for rate in rates:
         fed = scene.replace({"feed.rate": rate / HOUR})
         pipeline = piped(fed, rung, {COLLISIONS: True})
-        landings = pipeline.crowd().landings
+        landings = pipeline.collisions().landings
         met = {name: collisions_of(landing) for name, landing in landings.items()}
         yield _row(fed, rate, separate(fed, landings), separation(pipeline), met)
 

@@ -48,9 +48,9 @@ from wakeflow.air.foam.start import first_step, start_from
 from wakeflow.air.foam.statistics import Tail, cycles
 from wakeflow.air.kinds.airflow_kinds import Realisations, flow_spec, mesh_spec
 from wakeflow.air.mesh import build_mesh
+from wakeflow.core.code_key import code_key
 from wakeflow.core.files import read_json, write_json
 from wakeflow.core.process import cores
-from wakeflow.core.sources import code_key
 from wakeflow.core.store import content_key
 from wakeflow.flight import Granules
 from wakeflow.flight.driver import BLOCK

@@ -19,9 +19,9 @@ from wakeflow.air.foam import time_resolved
 from wakeflow.air.foam.airflow import solve_airflow
 from wakeflow.air.foam.case import FlowSpec
 from wakeflow.air.mesh import MeshSpec, build_mesh, plan_mesh
+from wakeflow.core.code_key import code_key
 from wakeflow.core.errors import FoamError, MeshError
 from wakeflow.core.files import case_template, write_json
-from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.airflow_choice import LAMINAR_BELOW
@@ -144,12 +144,12 @@ def flow_of(case: Case, mesh: MeshSpec) -> FlowSpec:
 @contextmanager
 def short_runs() -> Iterator[None]:
     """Time-resolved airflows end early for a while."""
-    limits = time_resolved.LONGEST_START, time_resolved.LONGEST
-    time_resolved.LONGEST_START, time_resolved.LONGEST = LONGEST_START, LONGEST
+    limits = time_resolved.LONGEST_START, time_resolved.MAX_CONVECTIVE_TIMES
+    time_resolved.LONGEST_START, time_resolved.MAX_CONVECTIVE_TIMES = LONGEST_START, LONGEST
     try:
         yield
     finally:
-        time_resolved.LONGEST_START, time_resolved.LONGEST = limits
+        time_resolved.LONGEST_START, time_resolved.MAX_CONVECTIVE_TIMES = limits
 
 
 def outcome(case: Case) -> dict[str, Any]:

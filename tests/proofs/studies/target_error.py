@@ -33,8 +33,8 @@ from wakeflow.answer.provenance import RefinedSettings
 from wakeflow.answer.result import Result
 from wakeflow.answer.separation import separate
 from wakeflow.flight.stages.pipeline import Pipeline
-from wakeflow.runs.effort import applied, cheapest, knobs, settings_of
 from wakeflow.runs.planned import make_plan
+from wakeflow.runs.time_budget import applied, cheapest, knobs, settings_of
 from wakeflow.scene import Scene
 
 from .common import Row, compile_tracker, show, with_one_fraction
@@ -189,7 +189,7 @@ def reference_shares(scene: Scene, settings: RefinedSettings, rung: str | None =
     other = applied(scene, finer).replace({"feed.seed": scene.feed.seed + OTHER_SEED})
     plan = make_plan(other, rung=rung)
     pipeline = Pipeline(plan.airflow.flown(other), plan)
-    flown = pipeline.tracks() if plan.crowd is None else pipeline.crowd()
+    flown = pipeline.tracks() if plan.collisions is None else pipeline.collisions()
     return shares_of(separate(other, flown.landings))
 
 

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wakeflow.air.field import FlowField
+from wakeflow.core.code_key import kernel_folder
 from wakeflow.core.errors import SceneError
 from wakeflow.core.process import cores
-from wakeflow.core.sources import kernel_folder
 from wakeflow.core.store import digest_files
 from wakeflow.flight.bodies import Body
 from wakeflow.flight.granules import Granules

@@ -15,10 +15,10 @@ from support import RHOMBUS
 from wakeflow.air.mesh import MeshSpec, SideInlet, build_mesh, ends, plan_mesh, read_mesh
 from wakeflow.air.mesh.sizing import sources
 from wakeflow.air.mesh.spec import MeshReport
+from wakeflow.core.code_key import code_key
 from wakeflow.core.errors import MeshError, SceneError
 from wakeflow.core.geometry import area, distance_to
 from wakeflow.core.record import load
-from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store, cache_root, content_key
 from wakeflow.laws.shape import shapes
 

@@ -13,7 +13,7 @@ from wakeflow.air.foam.polymesh import read_polymesh
 from wakeflow.air.foam.read import CaseFields
 from wakeflow.air.foam.reconstruction import triangulate
 from wakeflow.air.foam.user_case import case_files
-from wakeflow.scene.own_files import air_of
+from wakeflow.scene.user_files import air_of
 
 WIDE, HIGH, THICK = 4, 6, 0.01
 HEAD = "FoamFile\n{{\n    version 2.0;\n    format ascii;\n    class {kind};\n    object {name};\n}}\n// * * //\n"

@@ -48,9 +48,9 @@ from wakeflow.planning.plan import COMPARED, REPLICATES
 from wakeflow.planning.stage_cache import StageTime
 from wakeflow.planning.unknowns import SIGMAS, unknowns
 from wakeflow.planning.wake import Wake
-from wakeflow.runs.effort import RoundPrices, expected_half, expected_part
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.refine import unreached_lines
+from wakeflow.runs.time_budget import RoundPrices, expected_half, expected_part
 from wakeflow.scene import Scene
 
 

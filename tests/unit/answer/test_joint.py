@@ -18,8 +18,8 @@ from wakeflow.answer.joint import JointAnswer, difference, middle
 from wakeflow.answer.result import JOINT, Result
 from wakeflow.answer.shares import JointRecord
 from wakeflow.core.errors import SceneError
+from wakeflow.core.own_files import SUMS
 from wakeflow.core.record import from_json, to_json
-from wakeflow.core.sums import SUMS
 from wakeflow.core.tables import load_arrays, save_arrays
 from wakeflow.planning.unknowns import FARTHEST, SIGMAS
 

@@ -282,10 +282,10 @@ def test_draws_of_a_machine_and_of_its_image_are_pooled() -> None:
         z, chance = points(2, seed), np.random.default_rng(seed)
         x = 0.08 * np.where(chance.random((FLOWN, 64)) < 0.5, -1.0, 1.0) + 0.02 * chance.normal(size=(FLOWN, 64))
         then = x + 4e-3 * np.sign(x) * z[:, :1] + 2e-3 * z[:, 1:]
-        for pooled, scene in ((True, PAIR), (False, beside)):
+        for mirrored_mean, scene in ((True, PAIR), (False, beside)):
             found = answered(z, x, then, answer, scene, ("size", "feed_position"))
-            rises[pooled].append(effects_on(found, "inner-left")["number-0"].rise)
-            if pooled:
+            rises[mirrored_mean].append(effects_on(found, "inner-left")["number-0"].rise)
+            if mirrored_mean:
                 both = found
     left, right, middle = (effects_on(both, place) for place in ("inner-left", "inner-right", "middle"))
     for place in ("inner", "outer"):

@@ -108,7 +108,7 @@ CALLS: dict[str, Callable[[Any], object]] = {
     "amplitude": lambda bad: wf.Motion(bad, 30.0),
     "frequency": lambda bad: wf.Motion((0.0, 1e-3), bad),
     "samples": lambda bad: wf.Motion.sampled(bad, bad),
-    "crowd": lambda bad: wf.Collisions(depth=bad),
+    "collisions": lambda bad: wf.Collisions(depth=bad),
     "until": lambda bad: wf.track(AIR, wf.Granules(**GRAIN), until=bad),
     "gravity": lambda bad: wf.track(AIR, wf.Granules(**GRAIN), until=1.0, gravity=bad),
     "line": lambda bad: wf.track(AIR, wf.Granules(**GRAIN), until=1.0, lines=[bad]),

@@ -17,12 +17,12 @@ import psutil
 import pytest
 
 from support import LoopbackCluster, begun_part
+from wakeflow.core.code_key import PACKAGE
 from wakeflow.core.errors import FoamError, MeshError, ProgramError, SceneError
 from wakeflow.core.executor import Cluster, TaskPlace, Workers
 from wakeflow.core.files import atomic_write, write_json
 from wakeflow.core.lazy import cached_property, parsed
 from wakeflow.core.process import background, call_in_child, check_cancelled, run_program, start_in_group, tail
-from wakeflow.core.sources import PACKAGE
 from wakeflow.core.store import Store, content_key
 
 

@@ -18,7 +18,7 @@ from wakeflow.air.kinds.airflow_kinds import Realisations
 from wakeflow.air.kinds.analytic import duct_field
 from wakeflow.cli import main
 from wakeflow.cli.batch import MAX_ROWS, show_stages
-from wakeflow.core import sources
+from wakeflow.core import code_key
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import link_or_copy, write_json
 from wakeflow.core.store import (
@@ -248,7 +248,7 @@ GIVEN = re.compile(
 )
 NAMED = (  # the modules of every key
     tuple(f"wakeflow.{module}" for module in re.findall(r"[\w.]+", given))
-    for path in sources.PACKAGE.rglob("*.py") for given in GIVEN.findall(path.read_text())
+    for path in code_key.PACKAGE.rglob("*.py") for given in GIVEN.findall(path.read_text())
 )  # fmt: skip
 CODE = {modules[0].rpartition(".")[2]: modules for modules in NAMED}  # by the first of them
 STAGES = {**CODE, "kernel": ("wakeflow.flight.kernel.loop",)}
@@ -261,22 +261,22 @@ SOME = 3  # modules of a stage that are touched: its key reads all of them each 
 def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A copy of the sources that may be edited; keys are made of it."""
     root = tmp_path / "wakeflow"
-    shutil.copytree(sources.PACKAGE, root, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(sources, "PACKAGE", root)
+    shutil.copytree(code_key.PACKAGE, root, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(code_key, "PACKAGE", root)
     _read_again()
     yield root
     _read_again()
 
 
 def _read_again() -> None:
-    sources.package_key.cache_clear()
-    sources.code_key.cache_clear()
+    code_key.package_key.cache_clear()
+    code_key.code_key.cache_clear()
 
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: Path) -> None:
-    before = sources.code_key(*STAGES[stage])
-    closure = sources.closure(*STAGES[stage])
+    before = code_key.code_key(*STAGES[stage])
+    closure = code_key.closure(*STAGES[stage])
     assert set(STAGES[stage]) <= closure
     for module in sorted(closure)[:: max(1, len(closure) // SOME)]:  # other ones for every stage
         base = copied.joinpath(*module.split(".")[1:])
@@ -284,25 +284,25 @@ def test_touching_any_module_of_the_closure_changes_the_key(stage: str, copied: 
         text = path.read_text()
         path.write_text(f"{text}# touched\n")
         _read_again()
-        assert sources.code_key(*STAGES[stage]) != before, module
+        assert code_key.code_key(*STAGES[stage]) != before, module
         path.write_text(text)
     _read_again()
-    assert sources.code_key(*STAGES[stage]) == before
+    assert code_key.code_key(*STAGES[stage]) == before
 
 
 def test_what_no_stage_runs_leaves_its_key_alone(copied: Path) -> None:
-    before = sources.code_key(*CODE["airflow"])
+    before = code_key.code_key(*CODE["airflow"])
     for name in ("cli/run.py", "flight/stages/fraction_flights.py"):
         (copied / name).write_text("")
     _read_again()
-    assert sources.code_key(*CODE["airflow"]) == before
+    assert code_key.code_key(*CODE["airflow"]) == before
 
 
 def test_data_files_of_the_funnel_enter_its_key(copied: Path) -> None:
-    before = sources.code_key(*POURING)
+    before = code_key.code_key(*POURING)
     (copied / "extras" / "funnel" / "settle.liggghts").write_text("")
     _read_again()
-    assert sources.code_key(*POURING) != before
+    assert code_key.code_key(*POURING) != before
 
 
 def _ran(work: Callable[[], object]) -> set[str]:
@@ -325,14 +325,14 @@ def test_modules_that_run_while_granules_fly_stand_in_the_closure(cases: Path, t
     flight = Flight(scene, make_plan(scene), Realisations(None), 1e-4)
     own = _ran(lambda: flight.fly_all(tmp_path, drawn=True))
     assert {"wakeflow.flight.stages.fraction_flights", "wakeflow.planning.plan", "wakeflow.laws.collision"} <= own
-    assert own <= sources.closure(*CODE["fraction_flights"])
+    assert own <= code_key.closure(*CODE["fraction_flights"])
 
 
 def test_modules_that_run_while_a_duct_is_made_stand_in_the_closure(cases: Path) -> None:
     scene = Scene.load(cases / "aspirator.toml")
     own = _ran(lambda: duct_field(scene, turbulent=True))
     assert {"wakeflow.air.kinds.analytic", "wakeflow.air.field.flow"} <= own
-    assert own <= sources.closure(*CODE["analytic"])
+    assert own <= code_key.closure(*CODE["analytic"])
 
 
 def test_the_keys_of_all_stages_are_found_by_their_modules() -> None:
@@ -344,15 +344,15 @@ def test_the_keys_of_all_stages_are_found_by_their_modules() -> None:
 
 def test_a_name_that_is_no_module_is_refused() -> None:
     with pytest.raises(ModuleNotFoundError, match="nowhere is no module of wakeflow"):
-        sources.closure("wakeflow.nowhere")
+        code_key.closure("wakeflow.nowhere")
 
 
 def test_what_a_package_registers_as_it_is_imported_counts() -> None:
-    tracks = sources.closure(*CODE["fraction_flights"])
+    tracks = code_key.closure(*CODE["fraction_flights"])
     assert {"wakeflow.laws.forces.records", "wakeflow.laws.forces.history_force"} <= tracks
 
 
 def test_names_of_a_package_lead_to_their_modules_only() -> None:
-    assert "wakeflow.air.field.flow" in sources.closure("wakeflow.air.field")
-    assert "wakeflow.air.foam.solver" not in sources.closure("wakeflow.air.foam.read")
-    assert Path(wakeflow.__file__).parent == sources.PACKAGE
+    assert "wakeflow.air.field.flow" in code_key.closure("wakeflow.air.field")
+    assert "wakeflow.air.foam.solver" not in code_key.closure("wakeflow.air.foam.read")
+    assert Path(wakeflow.__file__).parent == code_key.PACKAGE

@@ -18,7 +18,7 @@ from tornado.httpclient import HTTPClientError
 
 import wakeflow as wf
 from wakeflow.cli import main
-from wakeflow.core import sums
+from wakeflow.core import own_files
 from wakeflow.core.errors import SceneError
 from wakeflow.core.files import scene_templates
 from wakeflow.extras.page.session import Session
@@ -373,7 +373,7 @@ def test_what_is_odd_in_a_folder_hides_nothing_else(small_run: Any, tmp_path: Pa
     (tmp_path / "bad").mkdir()
     (tmp_path / "bad" / "result.json").symlink_to("nowhere")
     (tmp_path / "scenes.csv").write_text("scene,share.hard.near\nx,9.4\n")
-    sums.note(tmp_path, [tmp_path / "scenes.csv"])
+    own_files.note(tmp_path, [tmp_path / "scenes.csv"])
     (tmp_path / "scenes.csv").write_text("scene,share.hard.near\nx,0.4\n")
     session = Session(tmp_path, lambda *_: None)
     session.runs = session.finished.runs = tmp_path

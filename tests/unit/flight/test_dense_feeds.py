@@ -26,7 +26,7 @@ from wakeflow.answer.spread import Tally
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import Boxes, ForceDensity
 from wakeflow.flight.feed.feedstock import feedstock
-from wakeflow.flight.stages.air_loading import SHARES, CaseLoading, Pass, exerted_by, relaxed
+from wakeflow.flight.stages.air_loading import SHARES, CaseLoading, Pass, exerted_by, secant
 from wakeflow.flight.stages.fraction_flights import Flight
 from wakeflow.flight.stages.gathered_force import Gathered
 from wakeflow.flight.stages.pipeline import CollisionRerun, Pipeline, SlabRerun
@@ -114,9 +114,9 @@ def loaded_pipeline(rung: str = "draft", force: dict[str, bool] | None = None, p
 def test_the_force_goes_on_to_where_a_proportional_answer_meets_it() -> None:
     """Air that answers a force f by asking for a - b f instead: the second force is the one that it asks for."""
     a, b = np.array([[[0.0, -40.0], [1.0, -20.0]]]), 3.0
-    share = relaxed(1.0, a, -b * a)
+    share = secant(1.0, a, -b * a)
     np.testing.assert_allclose(a + share * (-b * a), a / (1.0 + b), rtol=1e-14)
-    assert relaxed(1.0, a, a) == SHARES[0]  # air that answers nothing: there is no such force
+    assert secant(1.0, a, a) == SHARES[0]  # air that answers nothing: there is no such force
 
 
 class _Answering(CaseLoading):
@@ -127,7 +127,7 @@ class _Answering(CaseLoading):
     def __init__(self, seed: int, b: float, noise: float) -> None:
         self.rng = np.random.default_rng(seed)
         self.scene = SimpleNamespace(numerics=SimpleNamespace(loading_passes=12))  # type: ignore[assignment]
-        self.plan = SimpleNamespace(target_error=0.03, crowd=None)  # type: ignore[assignment]
+        self.plan = SimpleNamespace(target_error=0.03, collisions=None)  # type: ignore[assignment]
         self.cache = SimpleNamespace(tell=lambda *told: None)  # type: ignore[assignment]
         self.a, self.b, self.noise = np.array([0.0, -40.0]) * self.rng.random((8, 8, 1)), b, noise
         self.given = np.zeros((8, 8, 2))
@@ -354,12 +354,12 @@ def pipeline(rate: float) -> Pipeline:
     return Pipeline(scene, make_plan(scene, force={COLLISIONS: True}))
 
 
-def crowd(rate: float) -> SlabFound:
-    return pipeline(rate).crowd()
+def collisions(rate: float) -> SlabFound:
+    return pipeline(rate).collisions()
 
 
 def test_every_granule_of_steady_operation_lands_once_and_weighs_by_its_mass() -> None:
-    scene, found = pipeline(DENSE).scene, crowd(DENSE)
+    scene, found = pipeline(DENSE).scene, collisions(DENSE)
     for name, landing in found.landings.items():
         assert landing.weight is not None
         assert landing.meetings is not None
@@ -373,12 +373,12 @@ def test_every_granule_of_steady_operation_lands_once_and_weighs_by_its_mass() -
 def test_a_trickle_lands_as_granules_alone_do_and_a_dense_feed_does_not() -> None:
     scene = pipeline(DENSE).scene
     alone = separate(scene, pipeline(DENSE).tracks().landings).share("hard", "far")
-    few = separate(scene, crowd(TRICKLE).landings).share("hard", "far")
-    many = separate(scene, crowd(DENSE).landings).share("hard", "far")
+    few = separate(scene, collisions(TRICKLE).landings).share("hard", "far")
+    many = separate(scene, collisions(DENSE).landings).share("hard", "far")
     assert few[1] <= alone[2]
     assert alone[1] <= few[2]
     assert many[2] < alone[1]  # crowding costs
-    meetings = {rate: crowd(rate).landings["hard"].meetings.mean() for rate in (TRICKLE, DENSE)}  # type: ignore[union-attr]
+    meetings = {rate: collisions(rate).landings["hard"].meetings.mean() for rate in (TRICKLE, DENSE)}  # type: ignore[union-attr]
     assert meetings[TRICKLE] < 0.1 * meetings[DENSE]
 
 
@@ -405,8 +405,8 @@ def test_it_goes_on_where_it_stopped_and_all_fly_with_the_step_that_the_first_ha
 def test_more_replicates_go_on_from_those_that_were_enough_before() -> None:
     """The first are the same ones, and the time of all is counted."""
     plan = pipeline(DENSE).plan
-    stages = Pipeline(fed(DENSE), replace(plan, crowd=replace(plan.crowd, replicates=6)))
-    few = stages.crowd()
+    stages = Pipeline(fed(DENSE), replace(plan, collisions=replace(plan.collisions, replicates=6)))
+    few = stages.collisions()
     before = stages.seconds["slab"].seconds
     more = stages.run(SlabRerun(beside=(few,)))
     assert (few.replicates, more.replicates) == (4, 6)
@@ -429,7 +429,7 @@ def test_a_first_replicate_that_fails_before_its_step_is_known_says_why(tmp_path
 def test_a_weight_counts_as_so_many_granules() -> None:
     landing = landings_in([0, 0, 1, 0], replicate=np.array([0, 0, 1, 1]), weight=np.array([3.0, 1.0, 1.0, 1.0]))
     np.testing.assert_allclose(landing.counts(2), [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0]])
-    tally = Tally.every(landing, 2, 1)[0]
+    tally = Tally.of_bins(landing, 2, 1)[0]
     np.testing.assert_allclose(tally.samples, [1.0, 0.5])
     assert landing.size == 6.0
     np.testing.assert_allclose(landing.mass_shares, [0.5, 1 / 6, 1 / 6, 1 / 6])
@@ -442,14 +442,14 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
     result = wf.run(scene, tmp_path)
     assert result.landings.slab is not None
     assert result.landings.without_collisions is not None
-    met = separate(scene, crowd(DENSE).landings)
+    met = separate(scene, collisions(DENSE).landings)
     alone = separate(scene, pipeline(DENSE).tracks().landings)
     for found, counted in ((result.landings.separation, met), (result.landings.without_collisions, alone)):
         (value, low, high), (share, least, most) = found.share("hard", "far"), counted.share("hard", "far")
         assert value == pytest.approx(share, rel=1e-12)  # sums of other cells
         assert low < least < most < high  # the total holds what the samples leave
     assert wf.Result.load(tmp_path).to_json() == result.table
-    assert json.loads((tmp_path / "result.json").read_text())["slab"]["replicates"] == crowd(DENSE).replicates
+    assert json.loads((tmp_path / "result.json").read_text())["slab"]["replicates"] == collisions(DENSE).replicates
     sources = {part.source for row in result.budget for part in row.parts}
     assert {"sampling", "slab-time-step", "slab-depth", "collisions.restitution", "collisions.friction"} <= sources
     assert COLLISIONS not in sources
@@ -477,7 +477,7 @@ def test_a_run_shows_shares_with_collisions_and_without(tmp_path: Path, capsys: 
 
 def test_both_ends_of_a_number_fly_where_one_of_them_shows() -> None:
     """Independent samples of 400 granules do not show a change of 2 %; they show one of 20 %."""
-    own = crowd(DENSE)
+    own = collisions(DENSE)
 
     def moved(share: float) -> SlabFound:
         landings = landings_in((np.arange(400) >= 400 * share).astype(int), replicate=np.arange(400) % 2)
@@ -490,7 +490,7 @@ def test_both_ends_of_a_number_fly_where_one_of_them_shows() -> None:
 
 def test_both_ends_of_a_number_fly_where_one_is_cut_off() -> None:
     """A restitution of 0.95 has hardly an upper end: what the lower one moves would not be seen."""
-    own, flown = crowd(DENSE), list[float]()
+    own, flown = collisions(DENSE), list[float]()
 
     def again(rerun: CollisionRerun) -> SlabFound:
         flown.append(rerun.restitution)
@@ -498,7 +498,7 @@ def test_both_ends_of_a_number_fly_where_one_is_cut_off() -> None:
 
     for value, ends in ((0.5, 1), (0.95, 2)):
         asked = pipeline(DENSE).scene.replace({"collisions.restitution": value})
-        piped: Any = SimpleNamespace(scene=asked, crowd=lambda: own, run=again, plan=pipeline(DENSE).plan)
+        piped: Any = SimpleNamespace(scene=asked, collisions=lambda: own, run=again, plan=pipeline(DENSE).plan)
         found = list(BetweenGranulesRestitution().fly(piped, None))  # type: ignore[arg-type]
         assert len(found) == ends
         assert [end > 0.0 for end in flown] == [True, False][:ends]
@@ -519,7 +519,7 @@ def test_each_fraction_flies_in_the_slab_under_its_own_forces() -> None:
     })  # fmt: skip
     force = {COLLISIONS: True, "plain.basset-history": False, "slow.basset-history": True, "dispersion": False}
     piped = Pipeline(scene, make_plan(scene, force=force))
-    among, alone = piped.crowd(), piped.tracks().landings
+    among, alone = piped.collisions(), piped.tracks().landings
     for landings in (among.landings, alone):
         times = {name: float(landings[name].time.mean()) for name in ("plain", "slow")}
         assert 1.004 < times["slow"] / times["plain"] < 1.01
@@ -537,8 +537,10 @@ def test_replicates_without_a_fraction_are_taken_together() -> None:
 def test_a_clock_that_is_not_as_exact_as_asked_is_a_warning_with_what_it_may_move() -> None:
     plan = pipeline(TRICKLE).plan
     clock = tracking.ClockStep(1e-4, 0.03, 0.01, 3)
-    (told,) = _step_not_reached(collisions_of(plan.crowd, replace(crowd(TRICKLE), clock=clock)), plan.unit)
+    (told,) = _step_not_reached(collisions_of(plan.collisions, replace(collisions(TRICKLE), clock=clock)), plan.unit)
     assert "after 3 trials" in told.text
     assert "0.03 body widths (0.01 asked), which moves a share by up to 1.5 points" in told.text
     for fine in (clock._replace(step_error=0.01), tracking.ClockStep(1e-4)):
-        assert not list(_step_not_reached(collisions_of(plan.crowd, replace(crowd(TRICKLE), clock=fine)), plan.unit))
+        assert not list(
+            _step_not_reached(collisions_of(plan.collisions, replace(collisions(TRICKLE), clock=fine)), plan.unit)
+        )

@@ -371,9 +371,9 @@ def test_other_granules_take_no_part_of_it(restitution: float) -> None:
     tau, rng, count = 0.2, np.random.default_rng(5), 300
     places = np.stack([rng.uniform(-0.01, 0.01, count), rng.uniform(0.15, 0.2, count)], axis=1)
     grains = with_tau(tau, places, np.zeros((count, 2)), restitution=restitution, friction=0.3)
-    crowd, floor = Collisions(1.5e-3, restitution, 0.3, step=1e-4), np.array([[-1.0, -0.2], [1.0, -0.2]])
+    collisions, floor = Collisions(1.5e-3, restitution, 0.3, step=1e-4), np.array([[-1.0, -0.2], [1.0, -0.2]])
     how: dict[str, Any] = {"until": 3.0, "bodies": [ROOF], "lines": [floor], "drag": "stokes", "length": 0.1}
-    tracks = track(field_of(windy), grains, collisions=crowd, record=64, **how)
+    tracks = track(field_of(windy), grains, collisions=collisions, record=64, **how)
     ended = np.flatnonzero(tracks.fate == Fate.BINNED)
     assert len(ended) > 0.99 * count
     tracks, grains = tracks.some(ended), grains[ended]

@@ -28,7 +28,7 @@ from wakeflow.laws.drag import drag_laws, terminal_velocity
 from wakeflow.laws.shape import shapes
 from wakeflow.runs.planned import make_plan
 from wakeflow.scene import Scene
-from wakeflow.scene.own_files import air_of
+from wakeflow.scene.user_files import air_of
 
 STEEP = shapes["rhombus"](width=0.05, slope_angle=math.pi / 3)
 

@@ -252,14 +252,14 @@ def test_nobody_is_born_inside_another(scene: Scene, plan: Plan) -> None:
 def test_what_is_too_fine_comes_as_tracers_of_equal_mass(scene: Scene) -> None:
     fine = scene.replace({"fraction.soft.size": "50 um"})
     plan = make_plan(fine)
-    assert dict(plan.crowd.tracers) == {"soft": 1.0, "hard": 0.0}
-    stream = slab_stream(fine, plan, None, 1, **(TIMING | {"operation": plan.crowd.operation}))
+    assert dict(plan.collisions.tracers) == {"soft": 1.0, "hard": 0.0}
+    stream = slab_stream(fine, plan, None, 1, **(TIMING | {"operation": plan.collisions.operation}))
     assert stream.tracers == (2,)
     tracers = stream.granules.fraction == 2
     np.testing.assert_array_equal(tracers, stream.fraction == 0)
-    assert (tracers & stream.counted).sum() == pytest.approx(plan.crowd.count / plan.crowd.replicates, abs=3)
+    assert (tracers & stream.counted).sum() == pytest.approx(plan.collisions.count / plan.collisions.replicates, abs=3)
     assert np.ptp(stream.mass[tracers]) == 0.0
-    half = replace(plan, crowd=replace(plan.crowd, tracers={"soft": 0.25, "hard": 0.0}))
+    half = replace(plan, collisions=replace(plan.collisions, tracers={"soft": 0.25, "hard": 0.0}))
     mixed = slab_stream(fine.replace({"fraction.soft.size": "2 mm"}), half, None, 1, **TIMING)
     soft = mixed.fraction == 0
     assert mixed.mass[soft & (mixed.granules.fraction == 2)].sum() == pytest.approx(

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from wakeflow.core.sources import PACKAGE, kernel_folder
+from wakeflow.core.code_key import PACKAGE, kernel_folder
 from wakeflow.flight.kernel import jit
 
 TRACKER = "wakeflow.flight.kernel.loop"
-FOLDER = f"from wakeflow.core.sources import kernel_folder; print(kernel_folder('{TRACKER}'))"
+FOLDER = f"from wakeflow.core.code_key import kernel_folder; print(kernel_folder('{TRACKER}'))"
 FLY = (
     "import numpy as np; from wakeflow.flight import Granules, track\n"
     "track(None, Granules(np.zeros((1, 2)), np.ones((1, 2)), diameter=1e-3, density=1.0), until=1.0)\n"

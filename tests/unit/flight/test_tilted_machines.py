@@ -178,8 +178,8 @@ def test_no_tilt_is_the_upright_channel_to_the_last_bit() -> None:
 def test_granules_of_a_slab_come_down_the_turned_curtain() -> None:
     scene = shipped("vacuum", {"channel.tilt": 0.4, "feed.rate": 0.02, "feed.count": 64})
     plan = make_plan(scene, force={"collisions": True})
-    assert plan.crowd is not None
-    timing = {"begin": 0.0, "start_up": 0.05, "operation": 0.1, "depth": plan.crowd.depth}
+    assert plan.collisions is not None
+    timing = {"begin": 0.0, "start_up": 0.05, "operation": 0.1, "depth": plan.collisions.depth}
     grains = slab_stream(scene, plan, None, 0, **timing).granules
     assert len(grains) > 20
     down = np.array([np.sin(0.4), -np.cos(0.4)])

@@ -147,7 +147,7 @@ def test_uniform_tracers_stay_uniform() -> None:
     assert np.sum((count - expected) ** 2 / expected) < 100  # chi-square, 63 degrees: 99.8 % point 104 if independent
 
 
-def crowd(n: int = 700) -> tuple[FlowField, Granules]:
+def collisions(n: int = 700) -> tuple[FlowField, Granules]:
     rng = np.random.default_rng(7)
     grains = Granules(
         rng.uniform(-0.9, 0.9, (n, 2)), rng.normal(size=(n, 2)), diameter=10.0 ** rng.uniform(-6, -2.3, n), density=900
@@ -156,7 +156,7 @@ def crowd(n: int = 700) -> tuple[FlowField, Granules]:
 
 
 def test_progress_reaches_the_total() -> None:
-    field, grains = crowd()
+    field, grains = collisions()
     seen: list[tuple[int, int]] = []
     track(field, grains, until=0.1, progress=lambda done, total: seen.append((done, total)))
     assert seen[-1] == (len(grains), len(grains))
@@ -164,7 +164,7 @@ def test_progress_reaches_the_total() -> None:
 
 
 def test_recorded_paths_begin_and_end_where_the_track_does_and_are_bounded() -> None:
-    field, grains = crowd(30)
+    field, grains = collisions(30)
     tracks = track(field, grains, until=1.0, tolerance=1e-9, record=True)
     plain = track(field, grains, until=1.0, tolerance=1e-9)
     np.testing.assert_array_equal(plain.position, tracks.position)

@@ -132,12 +132,12 @@ def test_the_wake_above_a_body_shelters_what_falls_in_upward_air() -> None:
 def test_at_their_own_rate_the_shipped_scenes_need_the_slab_and_at_a_trickle_none(name: str) -> None:
     scene = shipped(name)
     plan = make_plan(scene)
-    assert plan.crowd is not None
+    assert plan.collisions is not None
     assert not [line for line in plan.warnings if INDEPENDENT in line]
     assert any(line.startswith("collisions: a slab") for line in plan.used)
     assert COLLISIONS not in {row.name for row in plan.left_out}
     trickle = make_plan(scene.replace({"feed.rate": 1e-6}))
-    assert trickle.crowd is None
+    assert trickle.collisions is None
     rows = {row.fraction: row for row in trickle.left_out if row.name == COLLISIONS}
     assert set(rows) == set(scene.fraction)
     assert all("below the" in row.why for row in rows.values())
@@ -152,30 +152,30 @@ def test_the_slab_flies_from_the_rate_on_at_which_a_bound_reaches_the_limit(draf
     assert row.feed_rate is not None
     rates = [share * row.feed_rate / 3600.0 for share in (0.99, 1.01)]
     below, above = (make_plan(draft.replace({"feed.rate": rate})) for rate in rates)
-    assert below.crowd is None
-    assert above.crowd is not None
+    assert below.collisions is None
+    assert above.collisions is not None
     coarse = make_plan(draft.replace({"feed.rate": rates[1]}), target_error=0.02)
-    assert coarse.crowd is None
+    assert coarse.collisions is None
 
 
 def test_a_switch_decides_by_hand(draft: Scene) -> None:
     off = make_plan(draft, force={COLLISIONS: False})
-    assert off.crowd is None
+    assert off.collisions is None
     assert {row.fraction for row in off.left_out if row.name == COLLISIONS} == set(draft.fraction)
     assert all("switched off" in row.why for row in off.left_out if row.name == COLLISIONS)
     assert any(f"too dense for {INDEPENDENT}" in line for line in off.warnings)
     on = make_plan(draft.replace({"feed.rate": 1e-6}), force={COLLISIONS: True})
-    assert on.crowd is not None
+    assert on.collisions is not None
 
 
 def test_without_a_rate_nobody_meets_unless_it_is_asked_for(vacuum: Scene) -> None:
     plan = make_plan(vacuum)
-    assert plan.crowd is None
+    assert plan.collisions is None
     assert not [line for line in plan.warnings if INDEPENDENT in line]
     assert all("no feed.rate" in row.why for row in plan.left_out if row.name == COLLISIONS)
-    assert make_plan(vacuum, force={COLLISIONS: True}).crowd is not None
+    assert make_plan(vacuum, force={COLLISIONS: True}).collisions is not None
     fed = make_plan(vacuum.replace({"feed.rate": 0.05}))
-    assert fed.crowd is not None
+    assert fed.collisions is not None
     assert fed.fractions["hard"].bounds[COLLISIONS] > fed.fractions["hard"].limit  # type: ignore[operator]
 
 
@@ -185,7 +185,7 @@ def test_granules_that_lie_on_the_body_are_no_stream(vacuum: Scene) -> None:
     tables["feed"] |= {"start": "resting", "rate": 0.1}
     resting = Scene.parse(tables)
     plan = make_plan(resting)
-    assert plan.crowd is None
+    assert plan.collisions is None
     assert all("no stream" in row.why for row in plan.left_out if row.name == COLLISIONS)
     with pytest.raises(SceneError, match=r"collisions=on: .* no stream"):
         make_plan(resting, force={COLLISIONS: True})
@@ -193,7 +193,7 @@ def test_granules_that_lie_on_the_body_are_no_stream(vacuum: Scene) -> None:
 
 def test_the_slab_is_as_deep_as_asked_and_no_deeper_than_the_machine(draft: Scene) -> None:
     draft = draft.replace({"feed.rate": 4.0 * draft.feed.mass_flow})
-    depth = [make_plan(draft.replace(change)).crowd for change in ({}, {"collisions.depth": "30 mm"},
+    depth = [make_plan(draft.replace(change)).collisions for change in ({}, {"collisions.depth": "30 mm"},
              {"feed.depth": "20 mm", "feed.rate": 0.01})]  # fmt: skip
     assert [one.depth for one in depth if one is not None] == pytest.approx([15 * 3.6e-3, 0.03, 0.02])
     thin = plan_collisions(draft.replace({"feed.rate": 0.1 * draft.feed.mass_flow}), laws(draft), 0.01)
@@ -225,17 +225,17 @@ def test_only_what_can_be_simulated_one_by_one_is(draft: Scene) -> None:
     assert 0.0 < spread.in_flight["chaff"] <= MAX_IN_FLIGHT
 
 
-def test_a_feed_of_too_many_heavy_granules_is_no_crowd_of_tracers_alone() -> None:
+def test_a_feed_of_too_many_heavy_granules_is_no_slab_of_tracers_alone() -> None:
     """Where the heaviest cannot be simulated nobody would meet anybody: it is left out, and the plan says so."""
     vacuum = shipped("vacuum", {"feed.rate": "50 t/hour"})
     plan = make_plan(vacuum)
-    assert plan.crowd is None
+    assert plan.collisions is None
     found = next(one for one in plan.left_out if one.name == "collisions" and one.fraction == "hard")
     assert "in flight in a slab 0.03 m deep, more than the 10000" in found.why
     assert any("too dense for independent granules" in notice.text for notice in plan.notices)
     with pytest.raises(SceneError, match=r"set collisions.depth below 0.02\d m, or feed.rate below"):
         make_plan(vacuum, force={"collisions": True})
-    thin = make_plan(vacuum.replace({"collisions.depth": "10 mm"})).crowd
+    thin = make_plan(vacuum.replace({"collisions.depth": "10 mm"})).collisions
     assert thin.in_flight["hard"] > 1000
 
 

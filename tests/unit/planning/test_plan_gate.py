@@ -73,7 +73,7 @@ def test_the_shipped_scenes_are_not_refused(name: str) -> None:
     plan = make_plan(shipped(name))
     for fraction, how in plan.fractions.items():
         named = {row.name for row in plan.left_out if row.fraction == fraction} - {STICKING}  # a bound on what meets
-        used = set(how.forces) - {"drag", "gravity"} | whole_terms(plan.airflow, plan.crowd)
+        used = set(how.forces) - {"drag", "gravity"} | whole_terms(plan.airflow, plan.collisions)
         assert set(how.bounds) == named | used  # used or left out, never neither
 
 

@@ -12,17 +12,17 @@ import pytest
 from support import CASES, shipped
 from wakeflow.answer.budget.source import budget_sources
 from wakeflow.answer.provenance import RefinedSettings
+from wakeflow.core.code_key import code_key
 from wakeflow.core.files import write_json
-from wakeflow.core.sources import code_key
 from wakeflow.core.store import Store
 from wakeflow.flight.stages.machine_rates import STARTS, learn, note_compiled, on_this_machine, to_compile
 from wakeflow.planning.cost import COMPILE, STARTED, begins, wall_seconds
 from wakeflow.planning.plan import Plan
 from wakeflow.planning.stage_cache import StageCache, StageTime, StageTimes, code_of
 from wakeflow.planning.stages import OWN, AirLabel, Scaling, Stage, StageCost, StageKey, Workload, stages
-from wakeflow.runs.effort import RoundPrices
 from wakeflow.runs.planned import make_plan
 from wakeflow.runs.progress import RunProgress
+from wakeflow.runs.time_budget import RoundPrices
 from wakeflow.show.plan_words import cost_words
 
 COARSE = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=2.0, averaging=None, slab=None)

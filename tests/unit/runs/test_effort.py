@@ -16,9 +16,9 @@ from wakeflow.answer.result import Request
 from wakeflow.core.errors import SceneError
 from wakeflow.core.graded import Grade
 from wakeflow.planning.plan import gathered
-from wakeflow.runs import effort
-from wakeflow.runs.effort import QUICK, RoundPrices, Within, seconds_of
+from wakeflow.runs import time_budget
 from wakeflow.runs.planned import make_plan
+from wakeflow.runs.time_budget import QUICK, RoundPrices, Within, seconds_of
 
 ASKED = Request.of()
 PLANS: dict[str, Any] = {}
@@ -34,7 +34,7 @@ def planned_once(monkeypatch: pytest.MonkeyPatch) -> None:
             PLANS[key] = make_plan(scene, **how)
         return PLANS[key]
 
-    monkeypatch.setattr(effort, "make_plan", plan)
+    monkeypatch.setattr(time_budget, "make_plan", plan)
 
 
 @pytest.mark.parametrize(
@@ -69,12 +69,12 @@ def test_a_quick_answer_lets_the_air_feel_the_granules_as_often_as_time_allows(
 def test_a_quick_answer_computes_no_beads_and_flies_a_dense_feed_in_a_thinner_slab() -> None:
     own = shipped("funnel")
     scene, request = QUICK.of(own, ASKED)
-    crowds = [make_plan(one, rung="draft", force=request.force).crowd for one in (own, scene)]
+    slabs = [make_plan(one, rung="draft", force=request.force).collisions for one in (own, scene)]
     assert scene.funnel is not None
     assert not scene.funnel.computed
-    assert crowds[0] is not None
-    assert crowds[1] is not None
-    assert crowds[1].depth < crowds[0].depth
+    assert slabs[0] is not None
+    assert slabs[1] is not None
+    assert slabs[1].depth < slabs[0].depth
 
 
 def test_no_more_granules_load_the_air_than_are_asked_for() -> None:
@@ -114,13 +114,13 @@ class Clock:
 @pytest.mark.parametrize("slower", [0.7, 1.0, 1.3, 1.7, 2.5])
 def test_a_budget_is_kept_whatever_a_round_costs(budget: float, slower: float, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
-    monkeypatch.setattr(effort, "on_this_machine", lambda plan, _: (plan.stages, 0))
-    monkeypatch.setattr(effort, "solved_before", lambda *_: frozenset())
+    monkeypatch.setattr(time_budget, "on_this_machine", lambda plan, _: (plan.stages, 0))
+    monkeypatch.setattr(time_budget, "solved_before", lambda *_: frozenset())
 
     def compute(scene: wf.Scene, request: Request, listener: Callable[[str, str], None]) -> Any:
         """Each stage begins when it is expected to, as much later as this machine is slower, and tells a second."""
         how = {"rung": request.rung, "force": request.force, "target_error": request.target_error}
-        plan, begun = effort.make_plan(scene, **how), clock.now
+        plan, begun = time_budget.make_plan(scene, **how), clock.now
         prices = RoundPrices.planned(scene, plan)
         times = sorted((time, name) for name, time in prices.beginnings.items())
         for second in range(int(prices.seconds)):
@@ -134,8 +134,8 @@ def test_a_budget_is_kept_whatever_a_round_costs(budget: float, slower: float, m
 
 
 def test_a_larger_budget_buys_finer_settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(effort, "on_this_machine", lambda plan, _: (plan.stages, 0))
-    monkeypatch.setattr(effort, "solved_before", lambda *_: frozenset())
+    monkeypatch.setattr(time_budget, "on_this_machine", lambda plan, _: (plan.stages, 0))
+    monkeypatch.setattr(time_budget, "solved_before", lambda *_: frozenset())
 
     def best(budget: float) -> tuple[int, float, str | None]:
         scene, request = Within(budget, shipped("rhombus"), ASKED, lambda *_: None, lambda *_: None).best()  # type: ignore[arg-type]
@@ -170,17 +170,17 @@ def test_a_budget_counts_on_the_airflows_that_are_there(tmp_path: Path, monkeypa
     scene = shipped("rhombus", {"numerics.mesh_scale": 3.0, "numerics.rung": "draft", "feed.count": 64})
     plan = make_plan(scene)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path))
-    monkeypatch.setattr(effort, "on_this_machine", lambda plan, _: (plan.stages, ()))  # however busy it is
-    assert not effort.solved_before(scene, plan)
+    monkeypatch.setattr(time_budget, "on_this_machine", lambda plan, _: (plan.stages, ()))  # however busy it is
+    assert not time_budget.solved_before(scene, plan)
     whole = RoundPrices.planned(scene, plan).seconds
     wf.run(scene, tmp_path / "run", until="airflow", report=False)
-    there = effort.solved_before(scene, plan)
+    there = time_budget.solved_before(scene, plan)
     assert {"mesh", "airflow", "loaded-airflow", "momentum", "grid x 1.5 airflow"} <= there
     air = {stage.name: stage.whole for stage in plan.stages if stage.name in there}
     assert RoundPrices.planned(scene, plan).seconds <= whole - 0.5 * sum(air.values()) < whole
     for folder in [path for path in (tmp_path / "loaded-airflow").iterdir() if path.is_dir()][-1:]:
         shutil.rmtree(folder)
-    assert not any("loaded" in name or "momentum" in name for name in effort.solved_before(scene, plan))
+    assert not any("loaded" in name or "momentum" in name for name in time_budget.solved_before(scene, plan))
 
 
 def test_quick_and_budget_exclude_each_other(tmp_path: Path) -> None:

@@ -16,7 +16,9 @@ from wakeflow.answer.provenance import RefinedSettings, Refinement
 from wakeflow.answer.result import Result
 from wakeflow.answer.shares import LEFT_OUT, NOT_COMPUTED, BudgetPart, BudgetRow, BudgetTotal
 from wakeflow.planning.stage_cache import StageTime
-from wakeflow.runs.effort import (
+from wakeflow.runs.planned import make_plan
+from wakeflow.runs.refine import unreached_lines
+from wakeflow.runs.time_budget import (
     RoundPrices,
     applied,
     cheapest,
@@ -30,8 +32,6 @@ from wakeflow.runs.effort import (
     settings_of,
     values,
 )
-from wakeflow.runs.planned import make_plan
-from wakeflow.runs.refine import unreached_lines
 from wakeflow.scene import Scene
 
 NOW = RefinedSettings(granules=1024, tolerance=1e-3, mesh_scale=None, averaging=None, slab=None)
@@ -79,9 +79,11 @@ def test_what_no_setting_lowers_stays() -> None:
     assert expected_part(BudgetPart("mesh", 0.04, note="two grids"), meshed, halved) == pytest.approx(0.01)
     hidden = BudgetPart("mesh", 0.04, of_granules=0.04)
     assert expected_part(hidden, meshed, halved) == 0.04  # more granules, not finer cells
-    crowded = replace(meshed, slab=1024)
-    assert expected_part(hidden, crowded, replace(crowded, slab=2**17)) == 0.04  # grids are compared by granules alone
-    assert expected_part(hidden, crowded, replace(crowded, granules=4096)) == pytest.approx(0.04 / 4**0.6)
+    no_collisions = replace(meshed, slab=1024)
+    assert (
+        expected_part(hidden, no_collisions, replace(no_collisions, slab=2**17)) == 0.04
+    )  # grids are compared by granules alone
+    assert expected_part(hidden, no_collisions, replace(no_collisions, granules=4096)) == pytest.approx(0.04 / 4**0.6)
     both = BudgetPart("mesh", 0.05, of_granules=0.03)
     assert expected_part(both, meshed, halved) == pytest.approx(np.hypot(0.01, 0.03))
     less = BudgetPart("mesh", 0.02, of_granules=0.03)  # smaller than is expected of noise: no more than it is
@@ -164,7 +166,7 @@ def test_settings_go_into_a_scene_and_come_out_of_it() -> None:
     assert shedding.averaging == 0.05
     longer = scene.replace({"numerics.averaging": "1 %"})
     assert make_plan(longer, rung="standard").airflow.accuracy == 0.01
-    slab = make_plan(scene.replace({"collisions.count": 64}), rung="draft", force={"collisions": True}).crowd
+    slab = make_plan(scene.replace({"collisions.count": 64}), rung="draft", force={"collisions": True}).collisions
     assert slab.count == 64
 
 

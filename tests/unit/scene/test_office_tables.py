@@ -9,7 +9,7 @@ import pytest
 
 import wakeflow as wf
 from wakeflow.scene.measured import read_trays
-from wakeflow.scene.own_files import read_samples, read_sieves
+from wakeflow.scene.user_files import read_samples, read_sieves
 
 TRAYS = "fraction,bin,mass,uncertainty\nwheat,near,10.2,0.1\nwheat,far,500,2.5\n"
 GERMAN = "fraction;bin;mass;uncertainty\nwheat;near;10,2;0,1\nwheat;far;500;2,5\n"

@@ -25,8 +25,8 @@ from wakeflow.laws.material import materials, near_material
 from wakeflow.laws.shape import shapes
 from wakeflow.scene import Scene
 from wakeflow.scene.messages import unit_of
-from wakeflow.scene.own_files import read_materials
 from wakeflow.scene.schema import scene_schema
+from wakeflow.scene.user_files import read_materials
 from wakeflow.show.html.rows import material_rows
 
 INLET = {"side": "left", "position": 0.0, "width": "20 mm", "velocity": 2.0}

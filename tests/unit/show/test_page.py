@@ -27,7 +27,7 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.extras.motion.film import BEGIN, END, show_film, still_of, write_film
 from wakeflow.extras.motion.film_stage import Film
-from wakeflow.extras.motion.live import FRAMES, POINTS, _frames
+from wakeflow.extras.motion.live import FRAMES, MAX_TRACK_POINTS, _frames
 from wakeflow.laws.material import materials
 from wakeflow.scene import Scene
 from wakeflow.scene.changes import flat
@@ -104,7 +104,7 @@ def test_the_script_is_handed_tracks_and_shares(small_run: wf.Result, text: str)
     assert [one["name"] for one in data["bins"]] == bins_across(Scene.parse(small_run.scene))
     for one in data["fractions"]:
         assert len(one["tracks"]) == 48
-        assert all(len(track["at"]) == 2 * POINTS for track in one["tracks"])
+        assert all(len(track["at"]) == 2 * MAX_TRACK_POINTS for track in one["tracks"])
         for place, share in data["wakes"]["answer"][one["name"]].items():
             assert share == pytest.approx(100 * small_run.share(one["name"], place)[0])
 

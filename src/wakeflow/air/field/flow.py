@@ -17,7 +17,7 @@ from weakref import ref
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...core import sums
+from ...core import own_files
 from ...core.arrays import number, numbers, truths, whole
 from ...core.errors import SceneError
 from ...core.lazy import cached_property
@@ -321,7 +321,7 @@ class FlowField(Triangles):
             raise SceneError(f"{path}: cannot be read as a flow field ({problem.strerror})") from None
         if not {"points", "triangles", "velocity"} <= set(content) <= set(cls.__dataclass_fields__):
             raise SceneError(f"{path}: is not a flow field written by wakeflow")
-        sums.check(file.parent, file.name, AGAIN)
+        own_files.check(file.parent, file.name, AGAIN)
         try:
             scalars = {n: float(content.pop(n)) for n in ("period", *GAS) if n in content}
             gradient = content.pop("given_gradient", None)

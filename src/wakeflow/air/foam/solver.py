@@ -73,7 +73,7 @@ def _ends_well(file: Path) -> bool:
 
 # -- A solver's run in segments ----------------------------------------------------------------------------------------
 LEDGER = "segments.json"  # in the case: {"ends": names of the time folders in which segments ended, "early": settings}
-SAME = 1e-9  # times that differ by less, relative, are the same: OpenFOAM rounds their names
+TIME_ROUNDING = 1e-9  # times that differ by less, relative, are the same: OpenFOAM rounds their names
 
 
 def segment_ends(folder: Path) -> list[float]:
@@ -180,4 +180,4 @@ def _ledger(folder: Path) -> JsonTable:
 
 
 def _later(time: float, than: float) -> bool:
-    return time > than + SAME * abs(than)
+    return time > than + TIME_ROUNDING * abs(than)

@@ -72,7 +72,7 @@ Array = NDArray[np.float64]
 PUSH = 1.0  # peak speed of the vortex that sets off the shedding, over the inlet speed
 BEHIND = 0.75  # widths from the first body's rear to the middle of the vortex
 REACH = 0.5  # widths, radius of the vortex: its speed falls as r exp(-r^2) in this unit
-SAME = 1e-7  # of the first body's width: nearer cell centres are those of one mesh, as OpenFOAM writes them
+CENTRE_ROUNDING = 1e-7  # of the first body's width: nearer cell centres are those of one mesh, as OpenFOAM writes them
 FIRST_STEP = 0.2  # of a corner cell that the incoming air crosses in the first time step
 
 
@@ -104,7 +104,9 @@ def start_from(spec: FlowSpec, folder: Path, source: Path | None) -> None:
     factors |= {field.name: field.rescaled(speed, size) for field in spec.transported}
     target = read_polymesh(folder).plane.centres
     centres = fields.mesh.plane.centres * (size, size * turned)
-    alike = centres.shape == target.shape and np.abs(centres - target).max() <= SAME * spec.mesh.projected_width
+    alike = (
+        centres.shape == target.shape and np.abs(centres - target).max() <= CENTRE_ROUNDING * spec.mesh.projected_width
+    )
     half = "axis" in fields.mesh.plane.patches and not alike
     if half:
         centres = np.vstack([centres, centres * (-1.0, 1.0)])

@@ -16,7 +16,7 @@ from ...core.files import write_json
 from ...core.record import JsonTable
 from .case import FlowSpec, MeshMotion
 from .read import LOOP, CaseFields, time_folders
-from .solver import PHASE, SAME, drop_after, last_state, purge, run_segment, segment_ends
+from .solver import PHASE, TIME_ROUNDING, drop_after, last_state, purge, run_segment, segment_ends
 from .start import first_step, start_in_time
 from .statistics import Stopping, Tail, cycles, evaluate, is_still
 from .watch import ProgressListener, Watch
@@ -34,7 +34,7 @@ PUSHED = 2.0  # convective times at the beginning that show the push, not the sh
 MIN_START = 15.0  # convective times before a start-up may end: the wake has to fill first
 ALIKE = 0.1  # relative spread of the last three periods below which their length can be estimated
 LONGEST_START = 80.0  # convective times before a start-up is given up as irregular
-LONGEST = 300.0  # convective times after which a run ends with what it has, its intervals wider than asked
+MAX_CONVECTIVE_TIMES = 300.0  # convective times after which a run ends with what it has, its intervals wider than asked
 TYPICAL = 40.0  # convective times of a start-up, or of a whole run: what the time left is estimated from
 BLUFF_PERIOD = 6.0  # convective times: shedding period of a bluff body at its usual Strouhal number of 1/6
 WHOLE = 1e-6  # relative: a time so near to another one has reached it
@@ -155,7 +155,7 @@ def _record(
     vibration = 0.0 if spec.vibration is None else spec.vibration.period  # the loop begins and ends on a whole one
     kept = int(((BROADBAND_PERIODS + SPARE_PERIODS) * state["period"] + 2 * vibration) / step) + 2
     least = (LOOP_PERIODS + 1) * state["period"] + 2 * vibration + 2 * step
-    end = max(LONGEST * scale - begin, least)
+    end = max(MAX_CONVECTIVE_TIMES * scale - begin, least)
     watch = watch_over(spec, folder, "recording", listener, min(max(TYPICAL * scale, begin + least), begin + end))
     most = LONG * scale / step  # snapshots in a segment, about
     drop_after(folder, last_state(folder))
@@ -180,7 +180,7 @@ def _looks(spec: FlowSpec, rows: Array, ends: Sequence[float], least: float) -> 
     stopping = Stopping(spec.accuracy)
     over = False
     for end in ends:
-        seen = rows[: np.searchsorted(rows[:, 0], end * (1 + SAME), side="right")]
+        seen = rows[: np.searchsorted(rows[:, 0], end * (1 + TIME_ROUNDING), side="right")]
         if end > least * (1 - WHOLE):
             still = is_still(seen, spec.convective_time, swings=spec.vibration is not None)
             over = still or stopping.look(seen)

@@ -23,7 +23,7 @@ from .reconstruction import PlaneMesh
 
 Array = NDArray[np.float64]
 MATCH = 0.01  # widths of the first body: how far the case's walls may lie from the scene's outlines; viscosities too
-SAME = 0.05  # how far the speed that enters the case may lie from the scene's
+SPEED_MISMATCH = 0.05  # how far the speed that enters the case may lie from the scene's
 ALONG = 0.9  # cosine: an opening counts as an end of the channel where the air crosses it so straight
 
 
@@ -172,7 +172,7 @@ def _ends(spec: FlowSpec, plane: PlaneMesh, outward: Array) -> tuple[NDArray[np.
 
 
 def _check_air(spec: FlowSpec, fields: CaseFields, speed: float) -> None:
-    if abs(speed / spec.speed - 1.0) > SAME:
+    if abs(speed / spec.speed - 1.0) > SPEED_MISMATCH:
         raise SceneError(f"air.speed = {spec.speed:g} m/s, but {speed:.4g} m/s enter in air.case")
     viscosity = fields.viscosity() * spec.density
     if abs(viscosity / spec.viscosity - 1.0) > MATCH:

@@ -7,11 +7,11 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from ...core.code_key import PACKAGE
 from ...core.files import atomic_write, case_template
 from ...core.geometry import ForceDensity
 from ...core.lazy import cached_property
 from ...core.record import load
-from ...core.sources import PACKAGE
 from ...core.store import content_key, digest_files
 from ...planning.airflow_choice import SHEDDING_ABOVE
 from ...planning.cost import ranks_for

@@ -163,7 +163,7 @@ def _check_inlets(inlets: Sequence[SideInlet], top: float, bottom: float) -> Non
 # -- How long a cell's edge is where -----------------------------------------------------------------------------------
 # Chosen:
 TURN = 0.2  # rad: a cell on a rounded part turns no more than this, so that a circle has 31 of them
-STEP = 1.15  # ratio of neighbouring levels that the edges wanted are rounded down to: one field of Gmsh's each
+LEVEL_RATIO = 1.15  # ratio of neighbouring levels that the edges wanted are rounded down to: one field of Gmsh's each
 DENSE = 0.5  # cell edges between the points along an outline at which sizes are set: between them nothing is missed
 SHORTEST = 3.0  # corner cells over the shortest cell that an edge between two sharp corners may ask for
 # Boxes behind a body, (length over the wake's, width over the body's, cell edge over the wake's): the near wake, in
@@ -216,8 +216,8 @@ def sources(spec: MeshSpec) -> Sizes:
 def levels(sizes: Sizes) -> list[tuple[float, Array]]:
     """The points by their edge rounded down to a geometric ladder: (edge m, points (n, 2) m), finest first."""
     least = float(sizes.edge.min())
-    step = np.floor(np.log(sizes.edge / least) / np.log(STEP) + 1e-9).astype(int)
-    return [(least * STEP**k, sizes.points[step == k]) for k in np.unique(step).tolist()]
+    step = np.floor(np.log(sizes.edge / least) / np.log(LEVEL_RATIO) + 1e-9).astype(int)
+    return [(least * LEVEL_RATIO**k, sizes.points[step == k]) for k in np.unique(step).tolist()]
 
 
 def boxes(spec: MeshSpec) -> list[Box]:

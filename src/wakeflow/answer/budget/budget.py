@@ -40,12 +40,12 @@ def fly_again(flights: Flights) -> Flights:
     """Run the slab where granules meet, and what every source flies again, or read it from the cache; then the slab, as
     far as more of its replicates make the shares noticeably better known. Returns the flights with these.
     """
-    if flights.pipeline.plan.crowd is not None:
-        flights = replace(flights, slab=(flights.pipeline.crowd(),))
+    if flights.pipeline.plan.collisions is not None:
+        flights = replace(flights, slab=(flights.pipeline.collisions(),))
     for source in in_order():
         flights.of(source)
     for slab in flights.slab:
-        most = flights.pipeline.collision_stage.crowd.replicates
+        most = flights.pipeline.collision_stage.collisions.replicates
         while slab.replicates < most and _needs_more(flights, slab, most):
             slab = flights.pipeline.run(SlabRerun(beside=(slab,)))
             flights = replace(flights, slab=(slab,))

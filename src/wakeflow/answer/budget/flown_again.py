@@ -6,7 +6,7 @@ shows the change and not another sample. A share's part of the error is that dif
 A number that is not known exactly shifts where granules land. What that changes of bins' shares goes as how many land
 near their ends: alone a fraction may fly well past an end on which it lands among others, and the other way round. So
 much is corrected in what the draws, which fly alone, say of the slab's shares. That the shift itself is the same is
-what remains assumed; the study crowd_draws prints both.
+what remains assumed; the study collision_draws prints both.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ import numpy as np
 from ...air.kinds.airflow_table import Airflow, GridEstimate, GridStudy
 from ...core.errors import SceneError
 from ...core.geometry import halved
-from ...flight.stages.landings import Landings, pooled
+from ...flight.stages.landings import Landings, mirrored_mean
 from ...flight.stages.pipeline import PerturbedRerun, Pipeline
 from ...planning.plan import COMPARED, REPLICATES
 from ...planning.stages import AirLabel, StageCost, Workload
@@ -273,7 +273,7 @@ def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence
     into, out_of = (np.sum(moved, axis=1) + 1.0 for moved in (there & ~here, here & ~there))
     variance = (into + out_of - (into - out_of) ** 2 / size) / size**2
     if images:
-        variance = np.where(np.arange(bins + 1) == images, 1.0, 0.5) * pooled(variance, images)
+        variance = np.where(np.arange(bins + 1) == images, 1.0, 0.5) * mirrored_mean(variance, images)
     sheddings = (shedding_noise(landing, bins, images) for landing in (own, other))
     reached = here.any(axis=1) | there.any(axis=1)  # what nobody reaches has a limit of its own: the sampling's
     return np.asarray(reached * np.stack([SIGMAS * np.sqrt(variance), np.hypot(*sheddings)]))
@@ -281,7 +281,7 @@ def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence
 
 def shedding_noise(landing: Landings, bins: int, images: Sequence[int] = ()) -> Array:
     """Half of the 95 % interval (bins + 1,) of each share that a finite number of shedding cycles leaves."""
-    return np.array([tally.spread.airflow for tally in Tally.every(landing, bins, cycles_of([landing]), images)])
+    return np.array([tally.spread.airflow for tally in Tally.of_bins(landing, bins, cycles_of([landing]), images)])
 
 
 def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> tuple[GridEstimate, Array]:

@@ -42,7 +42,7 @@ class _SlabAgain(Source[SlabFound]):
     reruns: ClassVar[tuple[CollisionRerun, ...]]
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[SlabFound]:
-        return () if pipeline.plan.crowd is None else super().fly(pipeline, tracked)
+        return () if pipeline.plan.collisions is None else super().fly(pipeline, tracked)
 
     def shares(self, fraction: FractionResults) -> Parts:
         found, seconds = self._compared(fraction), self.seconds(fraction)
@@ -91,7 +91,7 @@ class _BetweenGranules(_SlabAgain):
         for found in super().fly(pipeline, tracked) if half else ():
             yield found
             cut_off = getattr(scene.collisions, self.number) + half > self.most
-            if not cut_off and not shows(found, pipeline.crowd(), len(scene.bin)):
+            if not cut_off and not shows(found, pipeline.collisions(), len(scene.bin)):
                 return
 
     def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
@@ -145,7 +145,9 @@ def shows(changed: SlabFound, slab: SlabFound, bins: int) -> bool:
     granules were the same: what so few replicates show of their own spread is itself chance.
     """
     for name, landings in slab.landings.items():
-        share, other = ((one.tally(bins).sum(axis=(0, 2)) / one.size) for one in (landings, changed.landings[name]))
+        share, other = (
+            (one.count_by_bin(bins).sum(axis=(0, 2)) / one.size) for one in (landings, changed.landings[name])
+        )
         both = np.clip(0.5 * (share + other), 0.0, 1.0)  # sums of weights may pass 1 by a rounding
         error = np.sqrt(both * (1.0 - both) * (1.0 / landings.size + 1.0 / changed.landings[name].size))
         if np.any(np.abs(share - other) > SURE * error):

@@ -139,7 +139,7 @@ class Flights:
     def factors(self) -> dict[str, float]:
         """Factor on what a shift alone moves of a fraction's shares, if granules meet; empty where each flies alone."""
         scene, alone = self.pipeline.scene, self.tracked.landings
-        both = [AmongOthers(scene, alone, crowd.landings) for crowd in self.slab]
+        both = [AmongOthers(scene, alone, collisions.landings) for collisions in self.slab]
         return {name: among.factor(name) for among in both for name in self.landings}
 
     @property

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from ...core import sums
+from ...core import own_files
 from ...core.errors import SceneError
 from ...scene.overrides import share_of
 from ...show.screen import print_lines, print_table
@@ -56,8 +56,8 @@ def bins(
     show_dividers(curve, on)
     figure, table = run_folder / "figures" / f"bins-{fraction}-{on}.png", run_folder / f"bins-{fraction}-{on}.csv"
     files = [*saved(figure), table]
-    sums.claim(run_folder, files, table.stem)
-    with sums.writing(run_folder, lambda: files, table.stem):
+    own_files.claim(run_folder, files, table.stem)
+    with own_files.writing(run_folder, lambda: files, table.stem):
         draw_dividers(figure, curve)
         write_dividers(table, curve)
     print(f"{figure}\n{table}")

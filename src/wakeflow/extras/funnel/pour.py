@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.code_key import code_key
 from ...core.record import load, save
-from ...core.sources import code_key
 from ...core.store import content_key
 from ...laws.collision import contact_time
 from ...laws.streams import beverloo, cone_factor
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 POISSON = 0.25  # glass 0.2 to 0.25; the ratio of tangential to normal stiffness depends on it weakly
 FAST = 1.0  # m/s, and the wall's peak speed: the quickest collision that the time step resolves
 CALM = 2e-3  # m/s: rms speed of a bed that lies
-LONGEST = 2.0  # s of pouring
+MAX_POURING = 2.0  # s of pouring
 CHUNK = 0.02  # s between looks at the bed
 PROBES = 20_000  # points that measure the packing: 0.3 % of it
 
@@ -88,7 +88,7 @@ def pour(funnel: Funnel, folder: Path, tell: Callable[[str], None]) -> None:
     settings = contact_settings(still, steps) | {
         "every": steps.of(CHUNK / 2),
         "chunk": steps.of(CHUNK),
-        "turns": math.ceil(LONGEST / CHUNK),
+        "turns": math.ceil(MAX_POURING / CHUNK),
         "calm": 0.5 * still.total_mass * CALM**2,
     }
     engine.write_settings(folder, settings)

@@ -45,7 +45,7 @@ IN_VIEW = 400.0  # granules of a slab that are in flight at a time; chosen: more
 THINNEST = 0.2  # of the answer's slab: depth; three widths of its coarsest granules
 SINGLY = 120.0  # of a fraction in flight at a time, where each flies alone
 LATE = 0.9  # share of a fraction's granules, each alone, that are down when the machine counts as full
-POINTS = 256  # kept of a track
+MAX_TRACK_POINTS = 256  # kept of a track
 TOLERANCE = 1e-2  # body widths: nobody sees less
 STREAM = 5 * REPLICATES  # of the random forces, apart from those of other flights
 FILE = "film.json"
@@ -114,26 +114,26 @@ class FilmStage:
     @cached_property
     def start_up(self) -> float:
         """Seconds until the machine is as full as it stays: a long flight."""
-        landings, crowd = self.pipeline.tracks().landings, self.plan.crowd
-        if crowd is not None:
-            return steady_after(crowd, late_in(landings))
+        landings, collisions = self.pipeline.tracks().landings, self.plan.collisions
+        if collisions is not None:
+            return steady_after(collisions, late_in(landings))
         return max(float(np.quantile(landings[name].time, LATE)) for name in self.scene.fraction)
 
     def work(self, span: float) -> Work[Film]:
         """A film of ``span`` (s) of the machine's time, 0: as long as the slowest granules fly."""
         lasting = span or self.start_up
         rate = self.scene.feed.mass_flow, self.scene.feed.depth, self.scene.mass_shares()
-        crowd = None if self.plan.crowd is None else (repr(self.plan.crowd), repr(self.scene.collisions))
-        key = lasting, rate, crowd, code_of(*CODE)
-        return Work(key, partial(self._fly, lasting), self._read, meet=crowd is not None)
+        collisions = None if self.plan.collisions is None else (repr(self.plan.collisions), repr(self.scene.collisions))
+        key = lasting, rate, collisions, code_of(*CODE)
+        return Work(key, partial(self._fly, lasting), self._read, meet=collisions is not None)
 
     def _read(self, folder: Path) -> Film:
         kept = json.loads((folder / FILE).read_text())
         return Film(**kept, paths=recorded_tracks(folder, self.scene.fraction))
 
     def _fly(self, span: float, folder: Path) -> None:
-        crowd = self.plan.crowd
-        film, flown = self._alone(span) if crowd is None else self._slab(span, crowd)
+        collisions = self.plan.collisions
+        film, flown = self._alone(span) if collisions is None else self._slab(span, collisions)
         for name, tracks, grains in flown:
             paths = paths_of(tracks, grains, len(self.scene.bin))
             shown = [path for path in paths if path["time"][0] < film.begin + span and path["time"][-1] > film.begin]
@@ -142,20 +142,20 @@ class FilmStage:
 
     # -- granules that meet --------------------------------------------------------------------------------------------
 
-    def _slab(self, span: float, crowd: CollisionPlan) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
-        depth = crowd.depth * max(THINNEST, min(1.0, IN_VIEW / max(sum(crowd.in_flight.values()), 1.0)))
+    def _slab(self, span: float, collisions: CollisionPlan) -> tuple[Film, Iterator[tuple[str, Tracks, Granules]]]:
+        depth = collisions.depth * max(THINNEST, min(1.0, IN_VIEW / max(sum(collisions.in_flight.values()), 1.0)))
         tell = partial(self.pipeline.cache.tell, "film")
         tell(f"granules meet in a slab of {1e3 * depth:.3g} mm")
         flight = SlabFlight(
             self.scene, self.plan, self.pipeline.air.realisations, depth, self.start_up, span, TOLERANCE,
             workers=self.pipeline.threads, tell=tell,
         )  # fmt: skip
-        stream, tracks = flight.record(POINTS)
+        stream, tracks = flight.record(MAX_TRACK_POINTS)
         begin = float(stream.granules.time.min()) + self.start_up
         fed = self.start_up + span + self.start_up
         drawn = np.bincount(stream.fraction, minlength=len(self.scene.fraction)) / fed
         one_in = {
-            name: _whole(self._rate(name, depth) / rate) if crowd.tracers[name] and rate else 1.0
+            name: _whole(self._rate(name, depth) / rate) if collisions.tracers[name] and rate else 1.0
             for name, rate in zip(self.scene.fraction, drawn.tolist(), strict=True)
         }
 
@@ -192,7 +192,7 @@ class FilmStage:
             when = when + (feed.time[rows] - when) % vibration.period
         grains = feed[rows].replace(time=when)
         self.pipeline.cache.tell("film", f"{name}: {count} granules")
-        return name, flight.fly(name, grains, record=POINTS, stream=STREAM), grains
+        return name, flight.fly(name, grains, record=MAX_TRACK_POINTS, stream=STREAM), grains
 
     def _rate(self, name: str, depth: float) -> float:
         """Granules (1/s) of a fraction into a slice of ``depth`` (m)."""

@@ -34,7 +34,7 @@ FRAMES = 32  # of a loop
 SIDE = 900  # dots of the longer side of the canvas
 LONGER = 420  # dots of the longer side of a frame
 QUALITY = 72  # of the JPEG
-POINTS = 160  # of a track
+MAX_TRACK_POINTS = 160  # of a track
 PLAYED = 1.0 / 30.0  # of real time
 TRACKS = 1024  # on a page, of all fractions: those of 300 made it 30 MB larger
 
@@ -118,7 +118,7 @@ def _tracks(tracks: Sequence[Track], count: int) -> list[dict[str, object]]:
         time = track["time"]
         if len(time) < 2 or time[-1] <= time[0]:
             continue
-        even = np.linspace(time[0], time[-1], POINTS)
+        even = np.linspace(time[0], time[-1], MAX_TRACK_POINTS)
         points = np.rint(10 * MM * Path2D.of(track).at(even)[0]).astype(int)
         shown.append({"from": float(time[0]), "step": float(even[1] - even[0]), "at": points.ravel().tolist()})
     return shown

@@ -75,7 +75,7 @@ def animate(
         Dots of its longer side.
     """
     from ...answer.result import Result, key_in
-    from ...core import sums
+    from ...core import own_files
     from ...core.store import bytes_of
     from .film import show_film
 
@@ -88,15 +88,15 @@ def animate(
         film()
     else:
         result, page = Result.load(run_folder), run_folder / "report.html"
-        sums.claim(run_folder, [path], "animate")
-        with sums.writing(run_folder, lambda: [path], "animate"):
+        own_files.claim(run_folder, [path], "animate")
+        with own_files.writing(run_folder, lambda: [path], "animate"):
             film()
             if key_in(run_folder) != result.key:
                 path.unlink()
                 raise SceneError(f"{run_folder} holds another answer now; the same command films it")
-            if page.name in sums.listed(run_folder):
+            if page.name in own_files.listed(run_folder):
                 show_film(run_folder, path)
-                sums.note(run_folder, [page])
+                own_files.note(run_folder, [page])
     if not quiet:
         print(f"{path}, {path.stat().st_size / 1e6:.2g} MB")
 

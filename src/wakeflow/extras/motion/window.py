@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...core import sums
+from ...core import own_files
 from ...core.errors import SceneError
 from ...core.files import atomic_write
 from ...show.canvas import BARS, BODY, fraction_colours
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ...scene import Scene
 
 SIZE = (1200, 900)  # pixels
-SLOWEST = 0.98  # of the tracks have ended at the slider's end
+ENDED_PART = 0.98  # of the tracks have ended at the slider's end
 TRACK, BAR = 2.0, 8.0  # pixels wide
 PALE = 0.5  # opacity of the air
 FRONT = (0.0, 0.0, 1e-4)  # m: before the air
@@ -78,7 +78,7 @@ def _add_air(plotter: Any, run: Path) -> None:
     files = [file for file in (run / "field.vtu", run / "mean.vtu") if file.exists()]
     if not files:
         return
-    sums.check(run, files[0].name, ANEW)
+    own_files.check(run, files[0].name, ANEW)
     grid: Any = pyvista.read(files[0])
     velocity = np.asarray(grid.point_data["velocity (m/s)"])
     grid.point_data["air speed (m/s)"] = np.linalg.norm(velocity, axis=1)
@@ -92,7 +92,7 @@ def _add_tracks(plotter: Any, scene: Scene, run: Path, *, slider: bool) -> None:
 
     if not (run / "tracks.vtp").exists():
         return
-    sums.check(run, "tracks.vtp", ANEW)
+    own_files.check(run, "tracks.vtp", ANEW)
     tracks: Any = pyvista.read(run / "tracks.vtp").translate(FRONT)
     flown = [tracks.get_cell(number).point_ids for number in range(tracks.n_cells)]
     ends = [float(tracks.point_data[SINCE][ids[-1]]) for ids in flown if len(ids) > 1]
@@ -112,7 +112,7 @@ def _add_tracks(plotter: Any, scene: Scene, run: Path, *, slider: bool) -> None:
     shown(max(ends))
     plotter.add_legend(bcolor="white", face="line", size=(0.15, 0.12))
     if slider:
-        last = float(np.quantile(ends, SLOWEST))
+        last = float(np.quantile(ends, ENDED_PART))
         plotter.add_slider_widget(shown, (0.0, last), value=last, title=SINCE, color="black")
 
 

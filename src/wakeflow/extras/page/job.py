@@ -12,8 +12,8 @@ from typing import Any
 from ...core.errors import WakeflowError
 from ...core.files import toml_of
 from ...runs import run
-from ...runs.effort import quick_settings
 from ...runs.progress import DONE, ProgressListener
+from ...runs.time_budget import quick_settings
 from ...scene import Scene
 from .queue import RUN
 from .tasks import task_of

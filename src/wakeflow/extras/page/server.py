@@ -29,8 +29,8 @@ from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from ...core.code_key import PACKAGE
 from ...core.errors import SceneError, WakeflowError
-from ...core.sources import PACKAGE
 from .session import RUNS, Session
 
 HERE = Path(__file__).parent
@@ -78,7 +78,7 @@ class Page:
     def listen(self, ports: Sequence[int]) -> None:
         """Take the first of ``ports`` that is free, 0 any. Raises SceneError where there is none."""
         routes = {
-            r"/once/(.*)": _Once, r"/([^/]*)/(events)": _News, r"/([^/]*)/(.*)": _Handler, r".*": _Nothing,
+            r"/once/(.*)": _FirstVisit, r"/([^/]*)/(events)": _News, r"/([^/]*)/(.*)": _Handler, r".*": _NotFound,
         }  # fmt: skip
         application = Application(
             [(path, kind, {"page": self}) for path, kind in routes.items()], log_function=_log,
@@ -180,14 +180,14 @@ class _Guarded(RequestHandler):
             super().log_exception(kind, value, trace)
 
 
-class _Nothing(_Guarded):
+class _NotFound(_Guarded):
     """Refuses whatever has no token in its path."""
 
     def prepare(self) -> None:
         raise HTTPError(403)
 
 
-class _Once(_Guarded):
+class _FirstVisit(_Guarded):
     """The way of the browser that is started to the page."""
 
     def get(self, code: str) -> None:

@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from ...answer.result import FILE
-from ...core import sums
+from ...core import own_files
 from ...core.errors import SceneError
 from ...core.files import read_whole
 from ...core.quantities import say, speaking
@@ -150,7 +150,7 @@ def points_of(folder: Path) -> dict[str, object]:
     have a run to open. Raises SceneError where there is no such table.
     """
     file = folder / WIDE
-    sums.check(folder, WIDE, "the sweep's command writes it anew")
+    own_files.check(folder, WIDE, "the sweep's command writes it anew")
     try:
         rows = list(csv.DictReader(io.StringIO(read_whole(file, LARGEST).decode(), newline="")))
         runs = [(folder / row["scene"] / FILE).exists() for row in rows]

@@ -15,7 +15,7 @@ from ...core.registry import did_you_mean
 from ...many.axis import axis_of_text
 from ...many.compute import Sweep, sweep
 from ...many.variant import variants
-from ...runs.effort import quick_keys
+from ...runs.time_budget import quick_keys
 from ...scene import Scene
 from ..search.designs import refuse_void, search
 from ..search.task import SearchTask, read_search_file, search_of

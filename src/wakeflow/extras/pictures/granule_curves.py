@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-POINTS = 41  # of a curve
+CURVE_POINTS = 41  # of a curve
 COLUMNS = ("fraction", "granule", "time (s)", "x (m)", "y (m)", "vx (m/s)", "vy (m/s)", "speed (m/s)")
 LABELS = {  # quantity: place in COLUMNS, factor, name and unit
     "time": (2, MM, "time (ms)"),
@@ -74,7 +74,7 @@ def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iter
             end = down
             position, velocity = path.at(np.array([end]))
             ended = (float(end - start), float(position[0, 0] - origin[0]), float(velocity[0, 0]))
-        times = np.linspace(start, end, POINTS)
+        times = np.linspace(start, end, CURVE_POINTS)
         position, velocity = path.at(times)
         columns = [times - path.time[first], position - origin, velocity, np.hypot(*velocity.T)]
         yield _Curve(name, picture.body_speed is not None and i == 0, np.column_stack(columns), met, ended)

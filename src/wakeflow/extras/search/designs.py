@@ -25,9 +25,9 @@ from ...many.axis import changes_at
 from ...many.compute import Sweep, executor_on, sweep
 from ...many.variant import Variant, named
 from ...planning.stage_cache import Listener
-from ...runs.effort import quick_keys
 from ...runs.planned import make_plan
 from ...runs.progress import as_listener
+from ...runs.time_budget import quick_keys
 from ...scene import Scene
 from .search_history import DesignPoint, Evaluation, Expected, History, Proposer, by_estimator
 from .task import FAN, SearchTask, read_search_file

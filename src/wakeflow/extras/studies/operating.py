@@ -15,7 +15,7 @@ from typing import Any
 
 from ...answer.result_table import ResultTable
 from ...answer.shares import MET, NOT_MET, OPEN
-from ...core import sums
+from ...core import own_files
 from ...core.errors import SceneError
 from ...core.files import path_of
 from ...core.quantities import say
@@ -23,7 +23,7 @@ from ...many.compute import Sweep, sweep
 from ...many.variant import variants
 from ...runs.planned import make_plan
 from ...scene import Scene
-from ...scene.whole import switched
+from ...scene.scene_tables import switched
 
 SPEED, RATE, TURNS = "air.speed", "feed.rate", "air.fan.speed_ratio"
 TOTAL = "money.total"
@@ -129,12 +129,12 @@ def _swept(
         raise SceneError(f"every answer of the {name} would be void: {void[0]}")
     folder = path_of(out, "out")
     figure = folder / "figures" / f"{name}.png"
-    sums.refuse_foreign(folder, saved(figure), name)
+    own_files.refuse_foreign(folder, saved(figure), name)
     made = sweep(grid, folder, figures=False, **how)
     table = of_worth(made.table)
     if not table.done:
         raise SceneError("every answer is void, so that there is nothing to draw; the first: see the table's reasons")
-    with sums.writing(folder, lambda: saved(figure), name):
+    with own_files.writing(folder, lambda: saved(figure), name):
         draw(figure, table)
     return made, figure
 

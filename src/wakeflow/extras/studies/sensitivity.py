@@ -19,7 +19,7 @@ from ...answer.measurements import SWEPT, InputMove, Remaining, drawn_moves, gro
 from ...answer.result import Result
 from ...answer.result_table import differences_of
 from ...answer.shares import InputSummary
-from ...core import sums
+from ...core import own_files
 from ...core.errors import SceneError
 from ...core.files import made_folder, path_of
 from ...core.lazy import cached_property
@@ -33,7 +33,7 @@ from ...planning.stage_cache import Listener
 from ...runs import run
 from ...scene import Scene
 from ...scene.messages import unit_of
-from ...scene.whole import States
+from ...scene.scene_tables import States
 
 if TYPE_CHECKING:
     import distributed
@@ -123,8 +123,8 @@ class Sensitivity:
         if path is not None:
             draw_tornado(target, self.of(quantities))
             return target
-        sums.claim(self.folder, saved(target), TORNADO)
-        with sums.writing(self.folder, lambda: saved(target), TORNADO):
+        own_files.claim(self.folder, saved(target), TORNADO)
+        with own_files.writing(self.folder, lambda: saved(target), TORNADO):
             draw_tornado(target, self.of(quantities))
         return target
 
@@ -173,7 +173,7 @@ def sensitivity(
             "give [uncertainty], or run it anew and to its end"
         )
     answer = Sensitivity(folder, result, tuple(moves), failed)
-    with sums.writing(made_folder(folder), lambda: [folder / TABLE], COMMAND):
+    with own_files.writing(made_folder(folder), lambda: [folder / TABLE], COMMAND):
         CellTable.of(answer.moves, COLUMNS).write_csv(folder / TABLE)
     return answer
 
@@ -182,8 +182,8 @@ def _claim(folder: Path) -> None:
     """Raise SceneError where the table or its figure would replace what the program did not write."""
     from ...show.canvas import saved
 
-    sums.refuse_foreign(folder, [folder / TABLE], COMMAND)
-    sums.refuse_foreign(folder, saved(folder / FIGURE), TORNADO)
+    own_files.refuse_foreign(folder, [folder / TABLE], COMMAND)
+    own_files.refuse_foreign(folder, saved(folder / FIGURE), TORNADO)
 
 
 def _finished(scene: Scene | Result | Path | str, how: Mapping[str, object], run_it: Callable[..., Result]) -> Result:

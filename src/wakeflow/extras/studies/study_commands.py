@@ -224,8 +224,8 @@ def _operated(
     made: Callable[..., tuple[Sweep, Path]], name: str, scene: Path, feed: str | None, options: Turned
 ) -> int:
     """A map or a curve of a scene over what an operator turns, drawn and printed."""
-    from ...runs.effort import quick_settings
     from ...runs.progress import live
+    from ...runs.time_budget import quick_settings
     from ...show.terminal import show_sweep
     from .operating import counted_lines, met_at, met_lines, met_up_to
 

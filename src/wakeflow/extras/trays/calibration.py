@@ -22,7 +22,7 @@ from ...answer.budget.source import INPUTS
 from ...answer.joint import JointAnswer, Of, effects_in
 from ...answer.result import Calibration, Request, Result
 from ...answer.shares import PERTURBED_RERUN, BudgetPart, BudgetRow, BudgetTotal, InputSummary, Separation
-from ...core import sums
+from ...core import own_files
 from ...core.errors import SceneError, known
 from ...core.files import atomic_write, path_of, write_json
 from ...core.number import Number
@@ -38,7 +38,7 @@ from ...scene import Fraction, Scene
 from ...scene.fraction import MAX_COEFFICIENT, Coefficient
 from ...scene.measured import Measured, Tray, read_trays, trays_of_columns
 from ...scene.overrides import share_in
-from ...scene.whole import States
+from ...scene.scene_tables import States
 from .calibration_update import DISCREPANCY, Matched, Updated, half_of, left_by, matched
 
 if TYPE_CHECKING:
@@ -289,20 +289,20 @@ def _claim(folder: Path) -> None:
     """Raise SceneError where a calibration in ``folder`` would replace what the program did not write, or materials
     that were changed since.
     """
-    sums.refuse_foreign(folder, _files(folder), COMMAND)
-    sums.refuse_changed(folder / MATERIALS, COMMAND)
+    own_files.refuse_foreign(folder, _files(folder), COMMAND)
+    own_files.refuse_changed(folder / MATERIALS, COMMAND)
 
 
 def _write(posterior: Posterior, run: OneRun) -> None:
     """The tables and the picture of a calibration, and the calibrated answer as that of its run, into its folder."""
     _claim(posterior.folder)
-    with sums.writing(posterior.folder, lambda: _files(posterior.folder), COMMAND):
+    with own_files.writing(posterior.folder, lambda: _files(posterior.folder), COMMAND):
         _write_tables(posterior, posterior.folder)
         materials = posterior.folder / MATERIALS
         if posterior.conflict:
             materials.unlink(missing_ok=True)
         else:
-            with sums.replacing(materials, COMMAND) as draft:
+            with own_files.replacing(materials, COMMAND) as draft:
                 posterior.save(draft)
     answer = posterior.before if posterior.result is None else posterior.result
     run.written(answer.with_joint(answer.joint), run.flights.landings)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ...answer.draws import ErrorSource, tied_root
 from ...answer.joint import JointAnswer, Of
 from ...answer.result import Result
-from ...core import sums
+from ...core import own_files
 from ...core.errors import SceneError
 from ...core.files import atomic_write, made_folder, path_of
 from ...core.registry import did_you_mean
@@ -28,7 +28,7 @@ from ...runs import run
 from ...runs.progress import as_listener
 from ...scene import RESERVED_BIN, Scene
 from ...scene.measured import BY_CHANCE
-from ...scene.whole import States
+from ...scene.scene_tables import States
 from ...show.canvas import bins_across
 from ...show.html.rows import page_template
 from ...show.sketch import draw_sketch
@@ -139,17 +139,17 @@ def protocol_of(result: Result, of: str = "", kernels: int = 300, out: Path | No
         name, half, steps, tuple(_important(known, fractions, kernels)), _unsorted(known), page, form,
     )  # fmt: skip
     _claim(folder)
-    with sums.writing(folder, lambda: [page, form], COMMAND):
+    with own_files.writing(folder, lambda: [page, form], COMMAND):
         write_protocol(page, scene, made, fractions)
-        with sums.replacing(form, COMMAND) as draft:
+        with own_files.replacing(form, COMMAND) as draft:
             _write_form(draft, scene, fractions)
     return made
 
 
 def _claim(folder: Path) -> None:
     """Raise SceneError where a page is there that the program did not write, or a form that was filled in."""
-    sums.refuse_foreign(folder, [folder / PAGE], COMMAND)
-    sums.refuse_changed(folder / FORM, COMMAND)
+    own_files.refuse_foreign(folder, [folder / PAGE], COMMAND)
+    own_files.refuse_changed(folder / FORM, COMMAND)
 
 
 def wanted_share(scene: Scene, of: str) -> tuple[str, Sequence[str]]:

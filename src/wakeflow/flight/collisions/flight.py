@@ -1,4 +1,4 @@
-"""The flight of one granule of the crowd to the end of the step, past walls, lines and the mesh's edge.
+"""The flight of one of the granules that meet to the end of the step, past walls, lines and the mesh's edge.
 
 Where and when a wall is struck is the tracker's (``kernel.crossings``); what the strike does is the law of pairs with a
 wall for the second granule. Contact that lasts is Moreau's time stepping (Moreau, J.J. 1988, in Nonsmooth Mechanics and
@@ -27,7 +27,7 @@ from ..kernel.walls import clearance, grasp, inside, overlap
 from . import slab_layout as of
 from .slab_air import GONE, aim, stir
 
-# -- A granule of the crowd and the walls ------------------------------------------------------------------------------
+# -- A granule and the walls ------------------------------------------------------------------------------
 pair_law = compiled(collide_pair)
 PULLS = 4.0  # steps of a pull: an approach that much of it makes is contact that lasts, not a strike
 STILL = 1e-10  # m/s: slower on its wall a granule is held, to the round-off of a step's impulse
@@ -164,9 +164,9 @@ def press(state, ints, extra, grain, walls, rules, hold, h, pull):
     return touches
 
 
-# -- The flight of one granule of the crowd to the end of the step -----------------------------------------------------
+# -- The flight of one of the granules that meet to the end of the step ------------------------------------------------
 MAX_PIECES = 32  # of a step: a granule that rattles faster is pressed on
-SAME = 1e-6  # of a step: round-off between the ends of steps and of intervals of noise
+STEP_ROUNDING = 1e-6  # of a step: round-off between the ends of steps and of intervals of noise
 SPARE = 1.05  # of the straight way: a path of one step bends less
 C0, C1, C2, C3, C4, C5, C6, C7 = (1.0 / math.factorial(k + 2) for k in range(8))  # of the series of phi_2
 
@@ -322,9 +322,9 @@ def fly_on(state, ints, extra, tally, grain, table, air, nodes, walls, rules, cl
         h = clock[of.UNTIL] - state[at.T]
         last = pieces >= MAX_PIECES
         if grain[at.NOISE] != 0.0 and not last:
-            if not state[at.T] < state[at.T_NOISE] - SAME * clock[of.STEP]:
+            if not state[at.T] < state[at.T_NOISE] - STEP_ROUNDING * clock[of.STEP]:
                 stir(state, ints, grain, table, air, nodes, rules, clock)
-            if state[at.T_NOISE] < clock[of.UNTIL] - SAME * clock[of.STEP]:
+            if state[at.T_NOISE] < clock[of.UNTIL] - STEP_ROUNDING * clock[of.STEP]:
                 h = min(h, state[at.T_NOISE] - state[at.T])
         ints[at.STEPS] += 1
         if aim(state, ints, extra, grain, table, air, nodes, walls, clock, path, h) == GONE:

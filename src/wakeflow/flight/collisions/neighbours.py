@@ -1,4 +1,4 @@
-"""Neighbours in a crowd: a ball about the way that a granule goes in a step, and a larger one, its range, about the
+"""Neighbours of granules: a ball about the way that a granule goes in a step, and a larger one, its range, about the
 ways of many steps. Pairs whose ranges touch are in a list; in a step only they are looked at, and of them only those
 can meet whose balls touch.
 
@@ -113,10 +113,10 @@ def unlist(cells, counts, i):
 
 
 @compiled
-def _pair(crowd, cells, counts, i, j):
+def _pair(colliding, cells, counts, i, j):
     """List a pair, a tracer first. Tracers do not meet each other."""
-    first, second = (j, i) if crowd.tally[j, of.TRACER] == 1 else (i, j)
-    if crowd.tally[second, of.TRACER] == 1:
+    first, second = (j, i) if colliding.tally[j, of.TRACER] == 1 else (i, j)
+    if colliding.tally[second, of.TRACER] == 1:
         return
     k = counts[of.PAIRS]
     if k == cells.pairs.shape[0]:
@@ -128,14 +128,14 @@ def _pair(crowd, cells, counts, i, j):
 
 
 @called
-def relist(crowd, cells, clock, counts, i):
+def relist(colliding, cells, clock, counts, i):
     """Give a granule a new range from the way that it goes now, its cell, and its pairs with all whose ranges touch it;
     they follow those that ``counts[PAIRS]`` counted before.
     """
     unlist(cells, counts, i)
     cells.stamps[i] += 1
-    _wrap(crowd.extra[i], crowd.grains[i], cells.balls[i])
-    reach = _reach_out(crowd.extra[i], crowd.grains[i], cells.balls[i], cells.ranges[i], clock)
+    _wrap(colliding.extra[i], colliding.grains[i], cells.balls[i])
+    reach = _reach_out(colliding.extra[i], colliding.grains[i], cells.balls[i], cells.ranges[i], clock)
     clock[of.MOST] = max(clock[of.MOST], reach)
     per, high, mask = 1.0 / clock[of.WIDTH], int(clock[of.ROWS]), counts[of.MASK]
     column = np.int64(math.floor(cells.ranges[i, of.BALL_X] * per))
@@ -154,7 +154,7 @@ def relist(crowd, cells, clock, counts, i):
                     if near(cells.ranges, i, j, clock[of.DEPTH]):
                         its = cells.where[j]  # other cells may share the bucket
                         if its[0] == x and its[1] == y and its[2] == z:
-                            _pair(crowd, cells, counts, i, j)
+                            _pair(colliding, cells, counts, i, j)
                     j = cells.next[j]
     b = _bucket(column, row, layer, mask)
     cells.where[i, 0], cells.where[i, 1], cells.where[i, 2] = column, row, layer
@@ -163,15 +163,15 @@ def relist(crowd, cells, clock, counts, i):
 
 
 @called
-def _begin_anew(crowd, cells, clock, counts):
-    """Empty the list and all cells, whose width and number follow the crowd as it is now."""
+def _begin_anew(colliding, cells, clock, counts):
+    """Empty the list and all cells, whose width and number follow the granules as they are now."""
     largest, living, size = 0.0, counts[of.LIVING], 64
     while size < 4 * living and size < cells.heads.shape[0]:  # as few buckets as do: they stay in the cache
         size *= 2
     cells.heads[:] = -1
     cells.ranges[:, of.BALL] = 0.0
     for k in range(living):
-        largest = max(largest, cells.balls[crowd.living[k], of.BALL])
+        largest = max(largest, cells.balls[colliding.living[k], of.BALL])
     if counts[of.PAIRS] > MAX_PAIRS * living or counts[of.FULL] == 1:
         clock[of.AHEAD] = max(1.0, 0.5 * clock[of.AHEAD])
     elif counts[of.PAIRS] < MIN_PAIRS * living:
@@ -185,18 +185,18 @@ def _begin_anew(crowd, cells, clock, counts):
 
 
 @called
-def keep_lists(crowd, cells, clock, counts):
+def keep_lists(colliding, cells, clock, counts):
     """Put a ball about the way of every granule in this step, and list those anew that have left their ranges."""
     for k in range(counts[of.LIVING]):
-        i = crowd.living[k]
-        _wrap(crowd.extra[i], crowd.grains[i], cells.balls[i])
+        i = colliding.living[k]
+        _wrap(colliding.extra[i], colliding.grains[i], cells.balls[i])
     if counts[of.STEPS] >= counts[of.ANEW] or clock[of.MOST] > (0.5 + of.SPARE_BALL) * clock[of.WIDTH]:
-        _begin_anew(crowd, cells, clock, counts)
+        _begin_anew(colliding, cells, clock, counts)
     while True:
         for k in range(counts[of.LIVING]):
-            i = crowd.living[k]
+            i = colliding.living[k]
             if not _in_range(cells.balls[i], cells.ranges[i], clock[of.DEPTH]):
-                relist(crowd, cells, clock, counts, i)
+                relist(colliding, cells, clock, counts, i)
         if counts[of.FULL] == 0 or clock[of.AHEAD] == 1.0:
             break
-        _begin_anew(crowd, cells, clock, counts)
+        _begin_anew(colliding, cells, clock, counts)

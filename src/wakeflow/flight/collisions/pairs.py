@@ -118,14 +118,17 @@ def reach_of(this, other):
 
 
 @called
-def room_between(crowd, depth, i, j):
+def room_between(colliding, depth, i, j):
     """The room between the surfaces of i and j where they are now (m, negative: they overlap), and the unit normal from
     j to i.
     """
-    dx, dy = crowd.states[i, at.X] - crowd.states[j, at.X], crowd.states[i, at.Y] - crowd.states[j, at.Y]
-    dz = across(crowd.extra[i, of.Z] - crowd.extra[j, of.Z], depth)
+    dx, dy = (
+        colliding.states[i, at.X] - colliding.states[j, at.X],
+        colliding.states[i, at.Y] - colliding.states[j, at.Y],
+    )
+    dz = across(colliding.extra[i, of.Z] - colliding.extra[j, of.Z], depth)
     d = math.sqrt(dx * dx + dy * dy + dz * dz)
-    room = d - reach_of(crowd.grains[i], crowd.grains[j])
+    room = d - reach_of(colliding.grains[i], colliding.grains[j])
     if d > 0.0:
         return room, dx / d, dy / d, dz / d
     return room, 0.0, 1.0, 0.0
@@ -157,18 +160,18 @@ def _receive(state, ints, extra, grain, rules, mass, j, torque, normal, centre, 
 
 
 @called
-def collide(crowd, laws, rules, depth, i, j, rebounds):
+def collide(colliding, laws, rules, depth, i, j, rebounds):
     """The collision of i and j where they are now; ``rebounds`` 0: contact that lasts, without. Returns whether they
     approached. A tracer takes the other for a wall.
     """
-    this, other, state, its = crowd.extra[i], crowd.extra[j], crowd.states[i], crowd.states[j]
-    first, second = crowd.grains[i], crowd.grains[j]
-    _, nx, ny, nz = room_between(crowd, depth, i, j)
+    this, other, state, its = colliding.extra[i], colliding.extra[j], colliding.states[i], colliding.states[j]
+    first, second = colliding.grains[i], colliding.grains[j]
+    _, nx, ny, nz = room_between(colliding, depth, i, j)
     q1, q2 = first[at.BLOW], second[at.BLOW]
     arm1, arm2 = (first[at.RADIUS] if q1 > 0.0 else 0.0), (second[at.RADIUS] if q2 > 0.0 else 0.0)
     light = this[of.LIGHT]
-    heavy = 0.0 if crowd.tally[i, of.TRACER] == 1 else other[of.LIGHT]
-    a, b = crowd.tally[i, of.FRACTION], crowd.tally[j, of.FRACTION]
+    heavy = 0.0 if colliding.tally[i, of.TRACER] == 1 else other[of.LIGHT]
+    a, b = colliding.tally[i, of.FRACTION], colliding.tally[j, of.FRACTION]
     ux, uy, uz = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY], this[of.VZ] - other[of.VZ]
     jx, jy, jz, jn = pair_law(
         ux, uy, uz, arm1 * this[of.WX] + arm2 * other[of.WX], arm1 * this[of.WY] + arm2 * other[of.WY],
@@ -180,16 +183,16 @@ def collide(crowd, laws, rules, depth, i, j, rebounds):
     torque = ny * jz - nz * jy, nz * jx - nx * jz, nx * jy - ny * jx
     share = heavy / (light + heavy)
     centre = its[at.VX] + share * ux, its[at.VY] + share * uy, other[of.VZ] + share * uz
-    _receive(state, crowd.counts[i], this, first, rules, light, (jx, jy, jz), torque, jn, centre, rebounds)
-    _receive(its, crowd.counts[j], other, second, rules, -heavy, (jx, jy, jz), torque, jn, centre, rebounds)
+    _receive(state, colliding.counts[i], this, first, rules, light, (jx, jy, jz), torque, jn, centre, rebounds)
+    _receive(its, colliding.counts[j], other, second, rules, -heavy, (jx, jy, jz), torque, jn, centre, rebounds)
     return True
 
 
 @called
-def part(crowd, depth, i, j):
+def part(colliding, depth, i, j):
     """Push two granules that overlap apart, each by the other's share of their mass."""
-    this, other, state, its = crowd.extra[i], crowd.extra[j], crowd.states[i], crowd.states[j]
-    room, nx, ny, nz = room_between(crowd, depth, i, j)
+    this, other, state, its = colliding.extra[i], colliding.extra[j], colliding.states[i], colliding.states[j]
+    room, nx, ny, nz = room_between(colliding, depth, i, j)
     deep = -room
     if deep <= 0.0:
         return
@@ -205,16 +208,16 @@ def part(crowd, depth, i, j):
 
 
 @called
-def hit_tracer(crowd, tables, i, j, rules):
+def hit_tracer(colliding, tables, i, j, rules):
     """Whether a tracer i on the way to a granule j meets it: it does with the probability of impaction."""
-    state, its, grain = crowd.states[i], crowd.states[j], crowd.grains[i]
+    state, its, grain = colliding.states[i], colliding.states[j], colliding.grains[i]
     ux, uy = state[at.VX] - its[at.VX], state[at.VY] - its[at.VY]
-    uz = crowd.extra[i, of.VZ] - crowd.extra[j, of.VZ]
+    uz = colliding.extra[i, of.VZ] - colliding.extra[j, of.VZ]
     uu = ux * ux + uy * uy + uz * uz
-    rate = drag_rate(grain, tables[crowd.table_of[i]], uu)
+    rate = drag_rate(grain, tables[colliding.table_of[i]], uu)
     if rate <= 0.0:
         return True
-    xi, eta = random_normals(crowd.counts[i], rules)
+    xi, eta = random_normals(colliding.counts[i], rules)
     uniform = math.exp(-0.5 * (xi * xi + eta * eta))  # of two normal numbers (Box & Muller)
-    other = crowd.grains[j]
+    other = colliding.grains[j]
     return uniform < _caught(math.sqrt(uu) / (rate * 2.0 * other[at.RADIUS]), math.sqrt(other[at.REYNOLDS2] * uu))

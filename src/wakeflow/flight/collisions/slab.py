@@ -1,4 +1,4 @@
-"""The crowd's steps, compiled: everybody flies to the end of the step, then those that meet are dealt with.
+"""The common steps, compiled: every granule flies to the end of the step, then those that meet are dealt with.
 
 The meetings of a step are foretold on the ways that granules go, dealt with in the order of time, each followed by a
 new flight of the two to the end of the step; then contact that lasts. A granule that meets more than ``MAX_CONTACTS``
@@ -31,18 +31,18 @@ MAX_OVERLAP = 1e-3  # of the smaller radius: overlaps below it need no further s
 
 
 @called
-def _note(crowd, cells, counts, clock, i, j):
+def _note(colliding, cells, counts, clock, i, j):
     """Look whether i and j meet or touch in this step, and note it."""
-    this, other = crowd.extra[i], crowd.extra[j]
-    r = reach_of(crowd.grains[i], crowd.grains[j])
+    this, other = colliding.extra[i], colliding.extra[j]
+    r = reach_of(colliding.grains[i], colliding.grains[j])
     what, when = contact_time(this, other, r, clock[of.DEPTH], clock[of.PULL])
-    tracer = crowd.tally[i, of.TRACER] == 1  # inside another granule it passes it: it was not caught
+    tracer = colliding.tally[i, of.TRACER] == 1  # inside another granule it passes it: it was not caught
     if (what == MEETS or (what == OVERLAPS and not tracer)) and counts[of.EVENTS] < cells.when.shape[0]:
         k = counts[of.EVENTS]
         cells.when[k] = when
         cells.who[k, of.FIRST], cells.who[k, of.SECOND] = i, j
-        cells.who[k, of.FIRST_STAMP] = crowd.tally[i, of.STAMP]
-        cells.who[k, of.SECOND_STAMP] = crowd.tally[j, of.STAMP]
+        cells.who[k, of.FIRST_STAMP] = colliding.tally[i, of.STAMP]
+        cells.who[k, of.SECOND_STAMP] = colliding.tally[j, of.STAMP]
         counts[of.EVENTS] = k + 1
     elif what == TOUCHES and not tracer and counts[of.NEAR] < cells.near.shape[0]:
         cells.near[counts[of.NEAR], 0], cells.near[counts[of.NEAR], 1] = i, j
@@ -50,7 +50,7 @@ def _note(crowd, cells, counts, clock, i, j):
 
 
 @called
-def foretell(crowd, cells, counts, clock):
+def foretell(colliding, cells, counts, clock):
     """Note all meetings of the step on the ways as they are, and drop the pairs that no longer hold."""
     counts[of.EVENTS] = counts[of.NEAR] = kept = 0
     pairs, stamps = cells.pairs, cells.stamps
@@ -63,19 +63,19 @@ def foretell(crowd, cells, counts, clock):
             pairs[kept, of.FIRST_STAMP], pairs[kept, of.SECOND_STAMP] = a, b
         kept += 1
         if near(cells.balls, i, j, clock[of.DEPTH]):
-            _note(crowd, cells, counts, clock, i, j)
+            _note(colliding, cells, counts, clock, i, j)
     counts[of.PAIRS] = kept
 
 
 @called
-def _foretell_of(crowd, cells, counts, clock, i):
+def _foretell_of(colliding, cells, counts, clock, i):
     """Note the meetings of a granule that was struck with all about it."""
     before = counts[of.PAIRS]
-    relist(crowd, cells, clock, counts, i)
+    relist(colliding, cells, clock, counts, i)
     for k in range(before, counts[of.PAIRS]):
         this, other = cells.pairs[k, of.FIRST], cells.pairs[k, of.SECOND]
         if near(cells.balls, this, other, clock[of.DEPTH]):
-            _note(crowd, cells, counts, clock, this, other)
+            _note(colliding, cells, counts, clock, this, other)
 
 
 @compiled
@@ -95,22 +95,22 @@ def _earliest(cells, counts):
 
 
 @called
-def fly_some(crowd, laws, air, nodes, walls, rules, clock, room, rows, count):
+def fly_some(colliding, laws, air, nodes, walls, rules, clock, room, rows, count):
     """Fly the first ``count`` granules of ``rows`` to the end of the step."""
     for k in range(count):
         i = rows[k]
         fly_on(
-            crowd.states[i], crowd.counts[i], crowd.extra[i], crowd.tally[i], crowd.grains[i],
-            laws.tables[crowd.table_of[i]], air, nodes, walls, rules, clock, room,
+            colliding.states[i], colliding.counts[i], colliding.extra[i], colliding.tally[i], colliding.grains[i],
+            laws.tables[colliding.table_of[i]], air, nodes, walls, rules, clock, room,
         )  # fmt: skip
 
 
 @compiled
-def _leave_to_the_end(crowd, cells, counts, i, j):
+def _leave_to_the_end(colliding, cells, counts, i, j):
     """Whether the pair has met so often in this step that the rest is contact that lasts."""
-    if crowd.extra[i, of.MET] < MAX_CONTACTS and crowd.extra[j, of.MET] < MAX_CONTACTS:
+    if colliding.extra[i, of.MET] < MAX_CONTACTS and colliding.extra[j, of.MET] < MAX_CONTACTS:
         return False
-    if counts[of.NEAR] < cells.near.shape[0] and crowd.tally[i, of.TRACER] == 0:
+    if counts[of.NEAR] < cells.near.shape[0] and colliding.tally[i, of.TRACER] == 0:
         cells.near[counts[of.NEAR], 0], cells.near[counts[of.NEAR], 1] = i, j
         counts[of.NEAR] += 1
     return True
@@ -124,18 +124,18 @@ def _copy(row, to):
 
 
 @called
-def _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
+def _strike_tracer(colliding, laws, rules, clock, room, i, j, when):
     """Let a tracer i meet the granule j where that was at the time, if it is caught; j does not notice. Whether."""
-    if not hit_tracer(crowd, laws.tables, i, j, rules):
+    if not hit_tracer(colliding, laws.tables, i, j, rules):
         return False
-    state, ints, extra = crowd.states[j], crowd.counts[j], crowd.extra[j]
+    state, ints, extra = colliding.states[j], colliding.counts[j], colliding.extra[j]
     _copy(state, room.kept_state)
     _copy(ints, room.kept_ints)
     _copy(extra, room.kept_extra)
-    roll_back(crowd.states[i], crowd.counts[i], crowd.extra[i], clock, when)
+    roll_back(colliding.states[i], colliding.counts[i], colliding.extra[i], clock, when)
     roll_back(state, ints, extra, clock, when)
-    if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 1.0):
-        crowd.tally[i, of.MEETINGS] += 1
+    if collide(colliding, laws, rules, clock[of.DEPTH], i, j, 1.0):
+        colliding.tally[i, of.MEETINGS] += 1
     _copy(room.kept_state, state)
     _copy(room.kept_ints, ints)
     _copy(room.kept_extra, extra)
@@ -143,9 +143,9 @@ def _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
 
 
 @compiled
-def _count(crowd, counts, i, j):
+def _count(colliding, counts, i, j):
     """Count a meeting of two granules. Two that chatter, one between the other and a wall, have met once."""
-    this, other, now = crowd.tally[i], crowd.tally[j], counts[of.STEPS]
+    this, other, now = colliding.tally[i], colliding.tally[j], counts[of.STEPS]
     last = this[of.PARTNER] == j and other[of.PARTNER] == i
     if not last or now - this[of.MET_IN] > CHATTER:
         this[of.MEETINGS] += 1
@@ -155,66 +155,66 @@ def _count(crowd, counts, i, j):
 
 
 @called
-def _strike_pair(crowd, laws, rules, clock, counts, i, j, when):
+def _strike_pair(colliding, laws, rules, clock, counts, i, j, when):
     """The meeting of two granules of the same right."""
-    roll_back(crowd.states[i], crowd.counts[i], crowd.extra[i], clock, when)
-    roll_back(crowd.states[j], crowd.counts[j], crowd.extra[j], clock, when)
-    if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 1.0):
-        _count(crowd, counts, i, j)
+    roll_back(colliding.states[i], colliding.counts[i], colliding.extra[i], clock, when)
+    roll_back(colliding.states[j], colliding.counts[j], colliding.extra[j], clock, when)
+    if collide(colliding, laws, rules, clock[of.DEPTH], i, j, 1.0):
+        _count(colliding, counts, i, j)
 
 
 @called
-def collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
+def collide_all(colliding, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """Deal with the meetings that ``foretell`` noted, and with those that come of them."""
     while counts[of.EVENTS] > 0:
         when, i, j, a, b = _earliest(cells, counts)
-        stale = crowd.tally[i, of.STAMP] != a or crowd.tally[j, of.STAMP] != b
-        if stale or _leave_to_the_end(crowd, cells, counts, i, j):
+        stale = colliding.tally[i, of.STAMP] != a or colliding.tally[j, of.STAMP] != b
+        if stale or _leave_to_the_end(colliding, cells, counts, i, j):
             continue
-        both = crowd.tally[i, of.TRACER] == 0
+        both = colliding.tally[i, of.TRACER] == 0
         if both:
-            _strike_pair(crowd, laws, rules, clock, counts, i, j, when)
-        elif not _strike_tracer(crowd, laws, rules, clock, room, i, j, when):
+            _strike_pair(colliding, laws, rules, clock, counts, i, j, when)
+        elif not _strike_tracer(colliding, laws, rules, clock, room, i, j, when):
             continue
-        crowd.extra[i, of.MET] += 1.0
+        colliding.extra[i, of.MET] += 1.0
         struck = 1
         if both:
-            crowd.extra[j, of.MET] += 1.0
+            colliding.extra[j, of.MET] += 1.0
             struck = 2
         room.struck[0], room.struck[1] = i, j
-        fly_some(crowd, laws, air, nodes, walls, rules, clock, room, room.struck, struck)
-        _foretell_of(crowd, cells, counts, clock, i)
+        fly_some(colliding, laws, air, nodes, walls, rules, clock, room, room.struck, struck)
+        _foretell_of(colliding, cells, counts, clock, i)
         if both:
-            _foretell_of(crowd, cells, counts, clock, j)
+            _foretell_of(colliding, cells, counts, clock, j)
 
 
 @compiled
-def _settle_pair(crowd, laws, rules, clock, counts, i, j, sweep):
+def _settle_pair(colliding, laws, rules, clock, counts, i, j, sweep):
     """Impulse and displacement of a pair that touches at the end of the step; how deep it was over the smaller
     radius.
     """
-    if crowd.counts[i, at.FATE] != at.FLYING or crowd.counts[j, at.FATE] != at.FLYING:
+    if colliding.counts[i, at.FATE] != at.FLYING or colliding.counts[j, at.FATE] != at.FLYING:
         return 0.0
-    least = min(crowd.grains[i, at.RADIUS], crowd.grains[j, at.RADIUS])
-    room, nx, ny, nz = room_between(crowd, clock[of.DEPTH], i, j)
+    least = min(colliding.grains[i, at.RADIUS], colliding.grains[j, at.RADIUS])
+    room, nx, ny, nz = room_between(colliding, clock[of.DEPTH], i, j)
     if room >= TOUCH * least:
         return 0.0
-    closing = (crowd.states[j, at.VX] - crowd.states[i, at.VX]) * nx
-    closing += (crowd.states[j, at.VY] - crowd.states[i, at.VY]) * ny
-    closing += (crowd.extra[j, of.VZ] - crowd.extra[i, of.VZ]) * nz
-    crowd.extra[i, of.TOUCHED] = crowd.extra[j, of.TOUCHED] = of.TOUCHES_OTHERS
+    closing = (colliding.states[j, at.VX] - colliding.states[i, at.VX]) * nx
+    closing += (colliding.states[j, at.VY] - colliding.states[i, at.VY]) * ny
+    closing += (colliding.extra[j, of.VZ] - colliding.extra[i, of.VZ]) * nz
+    colliding.extra[i, of.TOUCHED] = colliding.extra[j, of.TOUCHED] = of.TOUCHES_OTHERS
     if closing > 0.0:
         slow = closing <= at.SLOW + PULLS * clock[of.PULL] * (clock[of.UNTIL] - clock[of.NOW])
-        if collide(crowd, laws, rules, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
-            _count(crowd, counts, i, j)
-    part(crowd, clock[of.DEPTH], i, j)
+        if collide(colliding, laws, rules, clock[of.DEPTH], i, j, 0.0 if slow else 1.0) and not slow and sweep == 0:
+            _count(colliding, counts, i, j)
+    part(colliding, clock[of.DEPTH], i, j)
     return max(-room, 0.0) / least
 
 
 @called
-def _lean(crowd, walls, rules, clock, room, i, h):
+def _lean(colliding, walls, rules, clock, room, i, h):
     """Take a granule that others pushed out of the walls again."""
-    state, ints, extra, grain = crowd.states[i], crowd.counts[i], crowd.extra[i], crowd.grains[i]
+    state, ints, extra, grain = colliding.states[i], colliding.counts[i], colliding.extra[i], colliding.grains[i]
     extra[of.ROOM] = clearance(walls, state[at.X], state[at.Y], grain[at.RADIUS], rules.length)
     if extra[of.ROOM] <= 0.0:
         press(state, ints, extra, grain, walls, rules, room.hold, h, clock[of.PULL])
@@ -222,20 +222,20 @@ def _lean(crowd, walls, rules, clock, room, i, h):
 
 
 @called
-def settle_all(crowd, laws, walls, rules, clock, room, cells, counts):
+def settle_all(colliding, laws, walls, rules, clock, room, cells, counts):
     """Contact that lasts at the end of the step, over all pairs that touch and the walls that they lean on."""
     h = clock[of.UNTIL] - clock[of.NOW]
     for sweep in range(SWEEPS):
         worst = 0.0
         for k in range(counts[of.NEAR]):
             i, j = cells.near[k, 0], cells.near[k, 1]
-            deep = _settle_pair(crowd, laws, rules, clock, counts, i, j, sweep)
+            deep = _settle_pair(colliding, laws, rules, clock, counts, i, j, sweep)
             worst = max(worst, deep)
             if deep > 0.0:
                 for side in range(2):
                     g = i if side == 0 else j
-                    if walls.bodies.shape[0] > 0 and crowd.extra[g, of.ROOM] <= 0.0:
-                        _lean(crowd, walls, rules, clock, room, g, h)
+                    if walls.bodies.shape[0] > 0 and colliding.extra[g, of.ROOM] <= 0.0:
+                        _lean(colliding, walls, rules, clock, room, g, h)
         if worst <= MAX_OVERLAP:
             break
 
@@ -248,20 +248,20 @@ EARLY = 1e-9  # of a step: a birth this near to its end is the next step's
 
 
 @called
-def _enter(crowd, counts, clock, air, walls, room, timed):
+def _enter(colliding, counts, clock, air, walls, room, timed):
     """Let those be born whose time comes in this step."""
     h = clock[of.UNTIL] - clock[of.NOW]
-    while counts[of.BORN] < crowd.waiting.shape[0]:
-        i = crowd.waiting[counts[of.BORN]]
-        state, ints, extra = crowd.states[i], crowd.counts[i], crowd.extra[i]
+    while counts[of.BORN] < colliding.waiting.shape[0]:
+        i = colliding.waiting[counts[of.BORN]]
+        state, ints, extra = colliding.states[i], colliding.counts[i], colliding.extra[i]
         if state[at.BORN] >= clock[of.UNTIL] - EARLY * h:
             break
         counts[of.BORN] += 1
-        begin_track(state, ints, room.affine, room.hold, air, crowd.grains[i], walls, timed)
-        store_point(state, ints, crowd.records[i], 0)
+        begin_track(state, ints, room.affine, room.hold, air, colliding.grains[i], walls, timed)
+        store_point(state, ints, colliding.records[i], 0)
         extra[of.ROOM] = 0.0
         if ints[at.FATE] == at.FLYING:
-            crowd.living[counts[of.LIVING]] = i
+            colliding.living[counts[of.LIVING]] = i
             counts[of.LIVING] += 1
 
 
@@ -287,23 +287,23 @@ def _lies_still(state, ints, extra, walls, clock, rest):
 
 
 @called
-def _close(crowd, cells, counts, clock, walls, rules):
+def _close(colliding, cells, counts, clock, walls, rules):
     """End the step: who lies still, who has ended, where across the slab."""
     living, kept, standing, leaning, depth = counts[of.LIVING], 0, 0, 0, clock[of.DEPTH]
     for k in range(living):
-        i = crowd.living[k]
-        state, ints, extra = crowd.states[i], crowd.counts[i], crowd.extra[i]
+        i = colliding.living[k]
+        state, ints, extra = colliding.states[i], colliding.counts[i], colliding.extra[i]
         extra[of.Z] -= depth * math.floor(extra[of.Z] / depth)
         extra[of.MET] = 0.0
         if ints[at.FATE] == at.FLYING:
             lies, leans = _lies_still(state, ints, extra, walls, clock, rules.rest)
             standing += lies
             leaning += leans
-            store_point(state, ints, crowd.records[i], 0)
-            crowd.living[kept] = i
+            store_point(state, ints, colliding.records[i], 0)
+            colliding.living[kept] = i
             kept += 1
         else:
-            store_point(state, ints, crowd.records[i], 1)
+            store_point(state, ints, colliding.records[i], 1)
             unlist(cells, counts, i)
     counts[of.FLOWN] += living
     counts[of.LIVING], counts[of.STANDING], counts[of.LEANING] = kept, standing, leaning
@@ -312,43 +312,43 @@ def _close(crowd, cells, counts, clock, walls, rules):
 
 
 @called
-def _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
+def _begin(colliding, counts, clock, air, nodes, walls, rules, room, timed, stop):
     """Set the clock for the next step; an empty slab goes on with the next birth. Whether there is anything to do."""
     if counts[of.LIVING] == 0:
-        if counts[of.BORN] == crowd.waiting.shape[0]:
+        if counts[of.BORN] == colliding.waiting.shape[0]:
             clock[of.NOW] = stop
             return False
-        clock[of.NOW] = max(clock[of.NOW], crowd.states[crowd.waiting[counts[of.BORN]], at.BORN])
+        clock[of.NOW] = max(clock[of.NOW], colliding.states[colliding.waiting[counts[of.BORN]], at.BORN])
     if not clock[of.NOW] < stop:
         return False
     clock[of.UNTIL] = min(clock[of.NOW] + clock[of.STEP], stop)
     if stop - clock[of.UNTIL] < EARLY * clock[of.STEP]:
         clock[of.UNTIL] = stop
     refresh(air, nodes, clock, room, timed)
-    _enter(crowd, counts, clock, air, walls, room, timed)
+    _enter(colliding, counts, clock, air, walls, room, timed)
     return True
 
 
 @called
-def _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts):
+def _finish(colliding, laws, air, nodes, walls, rules, clock, room, cells, counts):
     """What follows the flight of a step: meetings, contact that lasts, ends."""
-    keep_lists(crowd, cells, clock, counts)
-    foretell(crowd, cells, counts, clock)
-    collide_all(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
-    settle_all(crowd, laws, walls, rules, clock, room, cells, counts)
-    _close(crowd, cells, counts, clock, walls, rules)
+    keep_lists(colliding, cells, clock, counts)
+    foretell(colliding, cells, counts, clock)
+    collide_all(colliding, laws, air, nodes, walls, rules, clock, room, cells, counts)
+    settle_all(colliding, laws, walls, rules, clock, room, cells, counts)
+    _close(colliding, cells, counts, clock, walls, rules)
 
 
 @entry
-def march_slab(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts, stop, steps, timed, final):
+def march_slab(colliding, laws, air, nodes, walls, rules, clock, room, cells, counts, stop, steps, timed, final):
     """March up to ``steps`` steps of the clock, until it shows ``stop`` (s), or, when nobody is to come any more
     (``final``), all lie still. Returns whether that is so.
     """
     for _ in range(steps):
-        if not _begin(crowd, counts, clock, air, nodes, walls, rules, room, timed, stop):
+        if not _begin(colliding, counts, clock, air, nodes, walls, rules, room, timed, stop):
             return True
-        fly_some(crowd, laws, air, nodes, walls, rules, clock, room, crowd.living, counts[of.LIVING])
-        _finish(crowd, laws, air, nodes, walls, rules, clock, room, cells, counts)
-        if final and counts[of.STANDING] == counts[of.LIVING] and counts[of.BORN] == crowd.waiting.shape[0]:
+        fly_some(colliding, laws, air, nodes, walls, rules, clock, room, colliding.living, counts[of.LIVING])
+        _finish(colliding, laws, air, nodes, walls, rules, clock, room, cells, counts)
+        if final and counts[of.STANDING] == counts[of.LIVING] and counts[of.BORN] == colliding.waiting.shape[0]:
             return True
     return not clock[of.NOW] < stop

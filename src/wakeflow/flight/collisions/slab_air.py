@@ -1,4 +1,4 @@
-"""The air on the crowd's one clock: nodal values at the middle of the step, and the force on a granule from them.
+"""The air on the common clock: nodal values at the middle of the step, and the force on a granule from them.
 
 All granules share their clock, so that a field that changes in time is brought to the middle of a step once for all of
 them, node by node where a granule reads it; a granule then reads three nodes. The formulas are the tracker's

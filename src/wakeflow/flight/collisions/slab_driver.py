@@ -1,4 +1,4 @@
-"""The front of the crowd: packs granules as their time comes, lets the slab march, and takes out those that ended.
+"""The front of the slab: packs granules as their time comes, lets the slab march, and takes out those that ended.
 
 The tracker flies the sample too, each granule by steps of its own and far finer than the tolerance. Nine of ten must
 land where it says, to the tolerance; the tenth is for paths that a corner splits. The scheme is of second order, so the
@@ -38,7 +38,7 @@ PI_6 = np.pi / 6.0
 
 @dataclass(frozen=True)
 class Slab(Packed):
-    """What a crowd flies in; walls and granules in the lab."""
+    """What granules that meet fly in; walls and granules in the lab."""
 
     collisions: Collisions
 
@@ -53,9 +53,9 @@ def _slots(count: int, points: int) -> Colliding:
 
 
 class _Run:
-    """One run of the slab: ``crowd`` holds the granules that fly or are about to, in slots, which become more as they
-    do; ``who`` (S,): the index of the granule in a slot, -1: free; ``across`` (n,) m: places across the slab, the
-    granules' own or drawn evenly.
+    """One run of the slab: ``colliding`` holds the granules that fly or are about to, in slots, which become more
+    as they do; ``who`` (S,): the index of the granule in a slot, -1: free; ``across`` (n,) m: places across the slab,
+    the granules' own or drawn evenly.
     """
 
     def __init__(self, slab: Slab, step: float, seed: int) -> None:
@@ -65,7 +65,7 @@ class _Run:
         self.across = places - depth * np.floor(places / depth)
         self.order = np.argsort(slab.grains.time, kind="stable")
         self.fed = 0  # granules packed so far
-        self.crowd, self.who = _slots(0, slab.points), np.zeros(0, dtype=np.int64)
+        self.colliding, self.who = _slots(0, slab.points), np.zeros(0, dtype=np.int64)
         self.laws = Laws(*slab.collisions.tables(slab.grains), slab.tables)
         self.tracer = np.isin(slab.grains.fraction, np.asarray(slab.collisions.tracers, dtype=np.int64))
         air = slab.air
@@ -88,8 +88,8 @@ class _Run:
         """Find so many free slots, in order; make more where there are too few."""
         if np.count_nonzero(self.who < 0) < count:
             more = max(len(self.who), count)
-            rows = zip(self.crowd[:-1], _slots(more, self.slab.points)[:-1], strict=True)
-            self.crowd = Colliding._make([*map(np.concatenate, rows), self.crowd.waiting])
+            rows = zip(self.colliding[:-1], _slots(more, self.slab.points)[:-1], strict=True)
+            self.colliding = Colliding._make([*map(np.concatenate, rows), self.colliding.waiting])
             self.who = np.concatenate([self.who, np.full(more, -1)])
         return np.flatnonzero(self.who < 0)[:count]
 
@@ -98,27 +98,27 @@ class _Run:
         slab, rows = self.slab, self.order[self.fed : self.fed + BATCH]
         self.fed += len(rows)
         slots = self._free(len(rows))
-        crowd = self.crowd
+        colliding = self.colliding
         some = slab.grains[rows]
         floats, ints = pack_state(slab, to_frame(some, slab.swing), rows)
         floats[:, [at.X, at.Y]], floats[:, [at.VX, at.VY]] = some.position, some.velocity
         inside = ints[:, at.GAP] >= 0
         ints[inside, at.TRI] = slab.air.covered[ints[inside, at.GAP], at.COVER_TRI] if inside.any() else 0
-        crowd.states[slots], crowd.counts[slots] = floats, ints
-        crowd.grains[slots] = self._constants(some)
-        crowd.table_of[slots] = slab.table_of[rows]
-        crowd.extra[slots], crowd.tally[slots], crowd.records[slots] = 0.0, 0, 0.0
-        crowd.extra[slots, of.Z] = self.across[rows]
-        crowd.extra[slots, of.LIGHT] = 1.0 / (PI_6 * some.density * some.diameter**3)
-        crowd.tally[slots, of.FRACTION], crowd.tally[slots, of.TRACER] = some.fraction, self.tracer[rows]
-        crowd.tally[slots, of.PARTNER] = -1
+        colliding.states[slots], colliding.counts[slots] = floats, ints
+        colliding.grains[slots] = self._constants(some)
+        colliding.table_of[slots] = slab.table_of[rows]
+        colliding.extra[slots], colliding.tally[slots], colliding.records[slots] = 0.0, 0, 0.0
+        colliding.extra[slots, of.Z] = self.across[rows]
+        colliding.extra[slots, of.LIGHT] = 1.0 / (PI_6 * some.density * some.diameter**3)
+        colliding.tally[slots, of.FRACTION], colliding.tally[slots, of.TRACER] = some.fraction, self.tracer[rows]
+        colliding.tally[slots, of.PARTNER] = -1
         self.who[slots] = rows
-        unborn = crowd.waiting[self.counts[of.BORN] :]
-        self.crowd = crowd._replace(waiting=np.concatenate([unborn, slots]))
+        unborn = colliding.waiting[self.counts[of.BORN] :]
+        self.colliding = colliding._replace(waiting=np.concatenate([unborn, slots]))
         self.counts[of.BORN] = 0
-        self.clock[of.PULL] = max(self.clock[of.PULL], _pull(crowd.grains[slots]))
-        if len(self.cells.next) < len(crowd.living):
-            self.cells = _cells(len(crowd.living))
+        self.clock[of.PULL] = max(self.clock[of.PULL], _pull(colliding.grains[slots]))
+        if len(self.cells.next) < len(colliding.living):
+            self.cells = _cells(len(colliding.living))
             self.counts[of.PAIRS] = self.counts[of.ANEW] = 0
         more = self.fed < len(self.order)
         return min(slab.rules.until, float(slab.grains.time[self.order[self.fed]])) if more else slab.rules.until
@@ -139,26 +139,26 @@ class _Run:
         slab = self.slab
         steps = max(1, CALL // max(1, int(self.counts[of.LIVING])))
         return bool(march_slab(
-            self.crowd, self.laws, slab.air, self.nodes, slab.walls, slab.rules, self.clock, self.room,
+            self.colliding, self.laws, slab.air, self.nodes, slab.walls, slab.rules, self.clock, self.room,
             self.cells, self.counts, stop, steps, self.timed, self.fed == len(self.order),
         ))  # fmt: skip
 
     def harvest(self, tracks: Tracks, *, all_of_them: bool = False) -> int:
         """Take those that ended out of their slots; returns how many."""
-        crowd, taken = self.crowd, self.who >= 0
+        colliding, taken = self.colliding, self.who >= 0
         if all_of_them:  # those that have not ended are at rest, or still in the air
-            rest, flying = self.slab.rules.rest, taken & (crowd.counts[:, at.FATE] == at.FLYING)
-            lies = flying & (crowd.states[:, at.HELD] > rest)
-            crowd.counts[flying, at.FATE] = at.AIRBORNE
-            crowd.counts[lies, at.FATE] = at.RESTING
-            crowd.states[lies, at.T] -= crowd.states[lies, at.HELD] - rest
-        slots = np.flatnonzero(taken & (crowd.counts[:, at.FATE] != at.FLYING))
+            rest, flying = self.slab.rules.rest, taken & (colliding.counts[:, at.FATE] == at.FLYING)
+            lies = flying & (colliding.states[:, at.HELD] > rest)
+            colliding.counts[flying, at.FATE] = at.AIRBORNE
+            colliding.counts[lies, at.FATE] = at.RESTING
+            colliding.states[lies, at.T] -= colliding.states[lies, at.HELD] - rest
+        slots = np.flatnonzero(taken & (colliding.counts[:, at.FATE] != at.FLYING))
         rows, self.who[slots] = self.who[slots], -1
-        tracks.keep(rows, crowd.states[slots], crowd.counts[slots])
-        tracks.meetings[rows] = crowd.tally[slots, of.MEETINGS]
+        tracks.keep(rows, colliding.states[slots], colliding.counts[slots])
+        tracks.meetings[rows] = colliding.tally[slots, of.MEETINGS]
         if tracks.recorded:
             for slot, row in zip(slots, rows, strict=True):
-                tracks.recorded[row] = crowd.records[slot, : crowd.counts[slot, at.KEPT]].copy()
+                tracks.recorded[row] = colliding.records[slot, : colliding.counts[slot, at.KEPT]].copy()
         return len(slots)
 
 
@@ -192,7 +192,7 @@ def _cells(slots: int) -> Cells:
 def fly_slab(
     slab: Slab, tracks: Tracks, clock: ClockStep, seed: int, progress: Callable[[int, int], object] = lambda *_: None
 ) -> CollisionFlight:
-    """Let the crowd fly by a ``clock``, filling ``tracks``; returns how it was flown."""
+    """Let the granules fly by a ``clock``, filling ``tracks``; returns how it was flown."""
     if not len(tracks):
         return CollisionFlight(clock)
     run, done = _Run(slab, clock.step, seed), 0
@@ -207,7 +207,7 @@ def fly_slab(
             over = run.march(min(stop, look)) and stop <= look
             done += run.harvest(tracks)
             progress(done, len(slab.grains))
-            born = run.fed - len(run.crowd.waiting) + int(run.counts[of.BORN])
+            born = run.fed - len(run.colliding.waiting) + int(run.counts[of.BORN])
             while run.clock[of.NOW] >= look:
                 run.standing.append((look, int(run.counts[of.LEANING]), born))
                 look = next(looks, np.inf)
@@ -220,7 +220,7 @@ def fly_slab(
     return CollisionFlight(clock, steps, flown, standing, _jammed(standing))
 
 
-# -- How long the step of a crowd's clock may be -----------------------------------------------------------------------
+# -- How long the step of the common clock may be ----------------------------------------------------------------------
 SAMPLE = 384  # granules: of a quarter of them the error varies by 20 times from seed to seed, of these by 2.5
 NINE_OF_TEN = 0.9
 HOP = 0.5  # of the largest diameter: what a granule goes in a step at most, so that cells stay small
@@ -240,7 +240,7 @@ def fly_colliding(
     seed: int,
     progress: Callable[[int, int], object],
 ) -> Tracks:
-    """Let the crowd fly; ``alone(rows, forces)`` flies some of its granules by themselves."""
+    """Let the granules fly; ``alone(rows, forces)`` flies some of its granules by themselves."""
     slab.collisions.tables(slab.grains)
     if slab.collisions.step is not None:
         clock = ClockStep(slab.collisions.step)
@@ -248,7 +248,7 @@ def fly_colliding(
         clock = measured_step(slab, alone)
         if slab.collisions.measured is not None:
             slab.collisions.measured(clock)
-    return replace(tracks, crowd=fly_slab(slab, tracks, clock, seed, progress))
+    return replace(tracks, collisions=fly_slab(slab, tracks, clock, seed, progress))
 
 
 def _jammed(standing: NDArray[np.float64]) -> bool:
@@ -263,7 +263,7 @@ def _jammed(standing: NDArray[np.float64]) -> bool:
 
 
 def measured_step(slab: Slab, alone: Callable[[Index, Sequence[str]], Tracks]) -> ClockStep:
-    """The step of a crowd's clock, judged on a sample that ``alone`` flies far finer than the tolerance."""
+    """The step of the common clock, judged on a sample that ``alone`` flies far finer than the tolerance."""
     count, tolerance = len(slab.grains), slab.rules.allowance * slab.rules.extent / slab.rules.length
     if not count:
         return ClockStep(1.0, 0.0, tolerance)

@@ -1,4 +1,4 @@
-"""What the crowd's compiled kernel keeps of a granule beside the tracker's own state (``kernel.layout``)."""
+"""What the compiled kernel of collisions keeps of a granule beside the tracker's own state (``kernel.layout``)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ LOOSE, HELD_BY_WALL, TOUCHES_OTHERS = 0.0, 1.0, 2.0
 ) = range(6)
 TALLY = 6
 
-# -- The clock and what the whole crowd shares in a step ---------------------------------------------------------------
+# -- The clock and what all granules share in a step ---------------------------------------------------------------
 (
     NOW,  # s, when the step begins
     UNTIL,  # s, when it ends
@@ -89,7 +89,7 @@ SPARE_BALL = 1e-6  # of its radius: more than round-off, and than contact reache
 
 
 class Colliding(NamedTuple):
-    """The granules of a slab by slot, in the rows that the tracker's kernel uses, and those of the crowd."""
+    """The granules of a slab by slot, in the rows that the tracker's kernel uses, and those of collisions."""
 
     states: Array  # (S, FLOATS)
     counts: Index  # (S, INTS)

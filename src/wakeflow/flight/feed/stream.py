@@ -70,14 +70,14 @@ def slab_stream(
     granules as a ``variation`` has them. Of a ``part`` of the depth those that come there in the whole slab.
     """
     rng = np.random.default_rng([scene.feed.seed, zlib.crc32(b"slab"), replicate])
-    source = _Source(scene, plan, known(plan.crowd), field, rng, operation + 2.0 * start_up, depth)
+    source = _Source(scene, plan, known(plan.collisions), field, rng, operation + 2.0 * start_up, depth)
     given = [(number, name, variation.of(name)) for number, name in enumerate(scene.fraction)]
     parts = [source.fed(*row, tracers=tracers) for row in given for tracers in (False, True)]
     order = np.argsort(np.concatenate([part.granules.time for part in parts]), kind="stable")
     granules = _joined([part.granules for part in parts])[order]
     fraction, mass = (np.concatenate([getattr(part, key) for part in parts])[order] for key in ("fraction", "mass"))
     tracers = tuple(
-        len(scene.fraction) + i for i, name in enumerate(scene.fraction) if source.crowd.tracers[name] > 0.0
+        len(scene.fraction) + i for i, name in enumerate(scene.fraction) if source.collisions.tracers[name] > 0.0
     )
     granules = granules.replace(depth=depth * rng.random(len(granules)))
     granules = _apart(rng, granules, len(scene.fraction), depth, scene.gravity)
@@ -97,7 +97,7 @@ class _Source:
 
     scene: Scene
     plan: Plan
-    crowd: CollisionPlan
+    collisions: CollisionPlan
     field: FlowField | None
     rng: np.random.Generator
     whole: float
@@ -123,7 +123,7 @@ class _Source:
         mass = np.pi / 6.0 * grains.density * diameter**3
         if tracers and len(p):
             flow = scene.feed.mass_flow * scene.mass_shares()[name] * self.depth / scene.feed.depth  # kg/s
-            mass = np.full(len(p), self.crowd.tracers[name] * flow * self.whole / len(p))
+            mass = np.full(len(p), self.collisions.tracers[name] * flow * self.whole / len(p))
         return SlabFeed(grains, np.full(len(p), number), mass, np.zeros(len(p), dtype=bool), ())
 
     def _singles(self, name: str, variation: GranuleVariation) -> tuple[Array, Array]:
@@ -131,7 +131,7 @@ class _Source:
         granules a slower one, since the mass that is fed is given.
         """
         rates = number_rates(self.scene, name) * self.depth / self.scene.feed.depth / variation.size**3
-        rates[: round(self.crowd.tracers[name] * MASS_LEVELS)] = 0.0
+        rates[: round(self.collisions.tracers[name] * MASS_LEVELS)] = 0.0
         total = float(rates.sum())
         if total == 0.0:
             return np.zeros(0), np.zeros(0)
@@ -141,10 +141,10 @@ class _Source:
 
     def _tracers(self, name: str) -> tuple[Array, Array]:
         """Times (s) and mass quantiles of tracers, so many that those that count are as many as the plan says."""
-        crowd, fine = self.crowd, self.crowd.tracers[name]
+        collisions, fine = self.collisions, self.collisions.tracers[name]
         if fine == 0.0:
             return np.zeros(0), np.zeros(0)
-        count = round(crowd.count / crowd.replicates * self.whole / crowd.operation)
+        count = round(collisions.count / collisions.replicates * self.whole / collisions.operation)
         time = self.whole * (np.arange(count) + self.rng.random(count)) / count
         return time, fine * self.rng.random(count)
 

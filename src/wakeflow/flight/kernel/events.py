@@ -17,7 +17,7 @@ from .jit import compiled
 PLANE, ROUND, SPEED, SPIN = np.int64(0), np.int64(1), np.int64(2), np.int64(3)
 NOTHING, EXIT, WALL, CROSSED, SLID_OFF, HALTED, LIFTED, SLIPS, GRIPS = range(9)  # what ends a step
 SOON = 1e-3  # of a step: then a function that stands still at its beginning shows where it goes
-SAME = 1e-9  # of a period: times nearer to a crest or sample are on it
+PERIOD_ROUNDING = 1e-9  # of a period: times nearer to a crest or sample are on it
 CLOSE = 1e-3  # of the skin: so near to zero a value is a root; chosen: its place then errs by far less than the skin
 SINKS = 0.1  # of a root's nearness: what stood still goes down if it falls by more; chosen: less than a root may be off
 TURNED = 1e-4  # of the smaller rate at the ends: so slow it turns; chosen: the value errs by the square of that, 1e-8
@@ -159,8 +159,8 @@ def next_turn(bodies, body, t):
     omega = bodies[body, at.OMEGA]
     if bodies[body, at.SAMPLE_COUNT] == 0.0:
         turns = (omega * t + bodies[body, at.PHASE]) / math.pi - 0.5
-        return (math.floor(turns + SAME) + 1.0 - turns) * math.pi / omega
-    ahead = SAME * bodies[body, at.SAMPLE_PERIOD]
+        return (math.floor(turns + PERIOD_ROUNDING) + 1.0 - turns) * math.pi / omega
+    ahead = PERIOD_ROUNDING * bodies[body, at.SAMPLE_PERIOD]
     k, s = interval(bodies, body, t + ahead)
     return bodies[body, k + at.PER_SAMPLE] - bodies[body, k] - s + ahead
 

@@ -17,7 +17,7 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.serialize import dumps
 
-from ...core.sources import kernel_folder
+from ...core.code_key import kernel_folder
 
 
 class _Kernel(JITCodeLibrary):

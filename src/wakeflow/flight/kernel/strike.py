@@ -12,7 +12,7 @@ from .jit import compiled
 
 # -- The coefficient of restitution of one strike ----------------------------------------------------------------------
 _approach, _uniform = compiled(approach_speed), compiled(uniform)
-SLOWEST = 1e-300  # m/s: has a logarithm
+MIN_SPEED = 1e-300  # m/s: has a logarithm
 
 
 @compiled
@@ -46,7 +46,7 @@ def restitution_of(state, grain, walls, body, nx, ny, wx, wy):
     if grain[at.RESTITUTION] >= 0.0:
         return grain[at.RESTITUTION]
     cells = walls.restitution
-    y = math.log10(max(_approach(state[at.VX], state[at.VY], nx, ny, wx, wy), SLOWEST))
+    y = math.log10(max(_approach(state[at.VX], state[at.VY], nx, ny, wx, wy), MIN_SPEED))
     low, high = 0, cells.shape[0]
     while high - low > 1:
         middle = (low + high) // 2

@@ -149,7 +149,7 @@ def ride(hold, walls, body, t):
     if hold[at.SAMPLED] == 0.0:
         return
     bodies = walls.bodies
-    ahead = events.SAME * bodies[body, at.SAMPLE_PERIOD]
+    ahead = events.PERIOD_ROUNDING * bodies[body, at.SAMPLE_PERIOD]
     k, s = interval(bodies, body, t + ahead)
     hold[at.W_BEGIN] = t + ahead - s
     hold[at.W_END] = hold[at.W_BEGIN] + bodies[body, k + at.PER_SAMPLE] - bodies[body, k]

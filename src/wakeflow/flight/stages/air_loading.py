@@ -68,7 +68,7 @@ class Pass:
         return off / max(whole, 1e-300)
 
 
-class _Way(NamedTuple):
+class _Passes(NamedTuple):
     """The ``passes`` before the last, what granules gathered ``before`` it and the air that it has to ``start`` from,
     its ``force``, and what gathered that ``among`` others.
     """
@@ -119,14 +119,14 @@ class AirLoading(ABC):
         return self.scene.numerics.loading_passes
 
     @property
-    def crowd(self) -> CollisionPlan | None:
+    def collisions(self) -> CollisionPlan | None:
         """The slab that gives the force of the last pass; None where that is the force of granules alone."""
-        return self.plan.crowd if self.scene.numerics.loading_passes > 1 else None
+        return self.plan.collisions if self.scene.numerics.loading_passes > 1 else None
 
     @property
     def _fed(self) -> int:
         """Granules of a fraction at most whose force is gathered in a pass, each alone."""
-        return GATHERED if self.crowd is None else PASSING
+        return GATHERED if self.collisions is None else PASSING
 
     @cached_property
     def passes(self) -> tuple[Pass, ...]:
@@ -169,20 +169,20 @@ class AirLoading(ABC):
         return self.passes[-1].gathered.shares[name][place] - before.shares[name][place]
 
     @cached_property
-    def _way(self) -> _Way:
+    def _way(self) -> _Passes:
         """The passes before the last, in airflows that need not settle, until one more is enough or allowed."""
         made: list[Pass] = []
         before, start, force = self.first, self.start, self.first.force
         share, lacked = 1.0, force.density  # the whole way from no force
-        while len(made) < self.most - (self.crowd is None) and not (made and self.settled(made[-1])):
+        while len(made) < self.most - (self.collisions is None) and not (made and self.settled(made[-1])):
             flown = self._pass(force, start, before, last=False)
             made.append(flown)
             lacking = flown.gathered.force.density - force.density
-            share, lacked = relaxed(share, lacked, lacking), lacking
+            share, lacked = secant(share, lacked, lacking), lacking
             before, start, force = flown.gathered, flown.air, force.towards(flown.gathered.force, share)
             self.cache.tell("air-loading", f"pass {len(made)}: shares moved by up to {100 * flown.change:.2g} points")
-        among = None if self.crowd is None else self._among_others(made[-1], self.crowd)
-        return _Way(tuple(made), before, start, force if among is None else among.force, among)
+        among = None if self.collisions is None else self._among_others(made[-1], self.collisions)
+        return _Passes(tuple(made), before, start, force if among is None else among.force, among)
 
     def _pass(
         self, force: ForceDensity, start: FlownAir, before: Gathered, among: Gathered | None = None, *, last: bool
@@ -206,14 +206,14 @@ class AirLoading(ABC):
 
         return Gathered.load(self.compilation.make(self.cache, "momentum", made, work))
 
-    def _among_others(self, last: Pass, crowd: CollisionPlan) -> Gathered:
+    def _among_others(self, last: Pass, collisions: CollisionPlan) -> Gathered:
         """What granules that meet in the slab exert on the air of the ``last`` pass, and more of them above it."""
         alone = self._alone(last.air, GATHERED)
-        stage, start_up = "slab-momentum", steady_after(crowd, alone.late.__getitem__)
+        stage, start_up = "slab-momentum", steady_after(collisions, alone.late.__getitem__)
         made = content_key(stage, last.air.key, exerted_by(self.scene, self.plan), start_up, code_of(GATHERING))
 
         def work(part: Path) -> None:
-            self._gatherer(stage, last.air).among_others(crowd, start_up, alone.before, part)
+            self._gatherer(stage, last.air).among_others(collisions, start_up, alone.before, part)
 
         return Gathered.load(self.compilation.make(self.cache, stage, made, work, slab=True))
 
@@ -316,7 +316,7 @@ class LoadedSteadyAir(MadeOf):
 
 
 # -- The passes --------------------------------------------------------------------------------------------------------
-def relaxed(share: float, lacked: Array, lacking: Array) -> float:
+def secant(share: float, lacked: Array, lacking: Array) -> float:
     """Which share of the way to the force gathered last the next one goes, after one of ``share`` that led from an air
     which ``lacked`` a force density to one that is ``lacking`` another: Aitken's relaxation, as of Irons & Tuck 1969,
     Int. J. Numer. Meth. Eng. 1, 275. Slower air drags less, and air as fast as the granules not at all, so that the
@@ -334,10 +334,10 @@ def exerted_by(scene: Scene, plan: Plan) -> JsonTable:
         del tables[name]
     tables["feed"]["count"] = gathered(scene.feed.count)
     del tables["collisions"]["count"]
-    crowd = None if plan.crowd is None else [plan.crowd.depth, dict(plan.crowd.tracers)]
+    collisions = None if plan.collisions is None else [plan.collisions.depth, dict(plan.collisions.tracers)]
     how = {name: row.tracked for name, row in resolved(plan).fractions.items()}
     versions = [version_of(package) for package in ("numpy", "scipy", "numba")]
-    made = {"how": repr(how), "crowd": crowd, "symmetric": plan.airflow.symmetric, "versions": versions}
+    made = {"how": repr(how), "collisions": collisions, "symmetric": plan.airflow.symmetric, "versions": versions}
     return {**tables, **made}
 
 

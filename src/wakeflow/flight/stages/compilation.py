@@ -12,11 +12,11 @@ from threading import Thread
 import numpy as np
 
 from ... import flight as tracking
+from ...core.code_key import kernel_folder
 from ...core.errors import ProgramError
 from ...core.files import kernel_root
 from ...core.process import call_in_child, cores
 from ...core.quantities import duration
-from ...core.sources import kernel_folder
 from ...planning.stage_cache import StageCache, StageTime
 from ...planning.stages import OWN, StageKey
 from .machine_rates import KERNELS, note_compiled, to_compile

@@ -35,7 +35,7 @@ COARSE, DETAIL = 1024, 8192  # points kept of a track; of the few that a picture
 WALL = 0.05  # thickness of the channel's walls in channel widths; only their inner faces are ever met
 STREAMS = 4  # of random numbers that the replicates have each: of landings, pictures, mirror images, own pictures
 PATIENCE = 40.0  # channel heights at air speed before a granule counts as airborne
-SLOWEST = 1e-6  # m/s, taken for a terminal velocity: one that neither falls nor rises
+MIN_TERMINAL_VELOCITY = 1e-6  # m/s, taken for a terminal velocity: one that neither falls nor rises
 HOVERING = 1e4  # the same where there is no body: granules of almost the air speed hang in it, and steps are cheap
 
 
@@ -214,7 +214,10 @@ def passage(scene: Scene, plan: Plan, fractions: Iterable[str], heights: float) 
     height, air = scene.channel.top - scene.channel.bottom, scene.air
     speed = float(np.sqrt(scene.gravity * height)) if air is None or air.still else air.speed
     if air is not None and air.still:
-        speed = min(speed, *(max(abs(plan.fractions[name].terminal_velocity or 0.0), SLOWEST) for name in fractions))
+        speed = min(
+            speed,
+            *(max(abs(plan.fractions[name].terminal_velocity or 0.0), MIN_TERMINAL_VELOCITY) for name in fractions),
+        )
     return heights * height / speed
 
 

@@ -160,10 +160,10 @@ class Gatherer:
         many come by chance does not matter.
         """
         count = gathered(self.scene.feed.count)
-        crowd = replace(slab, replicates=COMPARED, operation=start_up, count=count)
-        plan, airs = replace(resolved(self.plan), crowd=crowd), Realisations(self.air)
+        collisions = replace(slab, replicates=COMPARED, operation=start_up, count=count)
+        plan, airs = replace(resolved(self.plan), collisions=collisions), Realisations(self.air)
         flight = SlabFlight(
-            self.scene, plan, airs, crowd.depth, start_up, start_up, TOLERANCE, workers=self.workers,
+            self.scene, plan, airs, collisions.depth, start_up, start_up, TOLERANCE, workers=self.workers,
             tell=self.tell, recorded=RECORDED,
             also=lambda number, feed, tracks: save_arrays(folder / f"given-{number}.npz", self._given(feed, tracks)),
         )  # fmt: skip

@@ -107,10 +107,10 @@ class Landings:
         """Share of every replicate in every bin, (replicates, bins + 1); the last column is elsewhere. Where bins have
         ``images`` (bins + 1) in a mirrored machine the mean of both.
         """
-        table = self.tally(bins)[:, :, 0]
-        return np.asarray(pooled(table / table.sum(axis=1, keepdims=True), images))
+        table = self.count_by_bin(bins)[:, :, 0]
+        return np.asarray(mirrored_mean(table / table.sum(axis=1, keepdims=True), images))
 
-    def tally(self, bins: int, cycles: int = 1) -> AnyArray:
+    def count_by_bin(self, bins: int, cycles: int = 1) -> AnyArray:
         """Granules by their weight, (replicates, bins + 1, cycles), elsewhere last; of all cycles where that is one."""
         if self.table is not None:
             return self.table if cycles > 1 else self.table.sum(axis=2, keepdims=True)
@@ -122,7 +122,7 @@ class Landings:
         return np.bincount(place, self.weight, minlength=int(np.prod(shape))).reshape(shape)
 
 
-def pooled(values: Array, images: Sequence[int]) -> Array:
+def mirrored_mean(values: Array, images: Sequence[int]) -> Array:
     """Values (..., bins + 1) that are those of each bin and of its image, if it has one: what is as likely on either
     side is one number.
     """
@@ -164,7 +164,7 @@ class LandingCount:
         injected, (block, few) = part.pop("injected"), block_of(self._size)
         self._injected += int(injected.sum())
         self._fates += list(fates_of(part["fate"]).values())
-        here = Landings(**part).tally(self._bins, self._table.shape[2])
+        here = Landings(**part).count_by_bin(self._bins, self._table.shape[2])
         self._table[: len(here)] += here
         rows = (first + np.arange(len(injected))) % block < few
         self._kept.append({key: values[rows] for key, values in part.items()})

@@ -14,9 +14,9 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ...core.code_key import kernel_folder
 from ...core.errors import SceneError
 from ...core.files import kernel_root, read_json, write_json
-from ...core.sources import kernel_folder
 from ...planning.cost import COMPILE, PROGRAM
 from ...planning.plan import Plan
 from ...planning.stages import OWN, StageCost, StageKey
@@ -62,7 +62,7 @@ def on_this_machine(plan: Plan, root: Path) -> tuple[tuple[StageCost, ...], int]
     known = _runs(root)
     rates = {work: _rate(runs) for work, runs in known.items()}
     here = [replace(stage, seconds=stage.seconds * rates.get(stage.key.stage.work, 1.0)) for stage in plan.stages]
-    if seconds := to_compile(slab=plan.crowd is not None):
+    if seconds := to_compile(slab=plan.collisions is not None):
         waits = any(stage.when == "answer" for stage in here)
         held = PROGRAM + sum(IN_CHILDREN[: len(seconds)]) if waits else COMPILING
         when, whole = ("beside", max(seconds.values())) if waits else ("first", sum(seconds.values()))

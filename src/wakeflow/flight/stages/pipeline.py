@@ -181,17 +181,17 @@ STEP_ERROR_PART = 0.3  # of the accuracy asked for: landing error (body widths) 
 
 @dataclass
 class CollisionStage:
-    """The slab of one scene under one plan, which says of it what is in ``crowd``, through one airflow, in which the
-    granules of the ``pipeline`` have flown alone before.
+    """The slab of one scene under one plan, which says of it what is in ``collisions``, through one airflow, in which
+    the granules of the ``pipeline`` have flown alone before.
     """
 
     pipeline: Pipeline
-    crowd: CollisionPlan
+    collisions: CollisionPlan
 
     @cached_property
     def start_up(self) -> float:
         """Seconds until the slab is steady."""
-        return steady_after(self.crowd, late_in(self.pipeline.tracks().landings))
+        return steady_after(self.collisions, late_in(self.pipeline.tracks().landings))
 
     @property
     def tolerance(self) -> float:
@@ -201,17 +201,19 @@ class CollisionStage:
     @cached_property
     def key(self) -> str:
         """Everything the slab's landings depend on."""
-        scene, crowd = self.pipeline.scene, self.crowd
+        scene, collisions = self.pipeline.scene, self.collisions
         fed = scene.feed.mass_flow, scene.feed.depth, scene.mass_shares(), repr(scene.collisions)
-        flown = crowd.depth, crowd.tracers, crowd.operation, crowd.count, crowd.replicates
-        return content_key("crowd", self.pipeline.tracks_key, self.tolerance, *fed, *flown, code_of(*slab_stage.CODE))
+        flown = collisions.depth, collisions.tracers, collisions.operation, collisions.count, collisions.replicates
+        return content_key(
+            "collisions", self.pipeline.tracks_key, self.tolerance, *fed, *flown, code_of(*slab_stage.CODE)
+        )
 
     def flight(self, rerun: Rerun[SlabFound]) -> SlabFlight:
         """What flies the slab for a ``rerun``."""
-        of, crowd = self.pipeline, self.crowd
+        of, collisions = self.pipeline, self.collisions
         return SlabFlight(
-            of.scene, of.plan, of.air.realisations, crowd.depth, self.start_up, crowd.operation, self.tolerance,
-            workers=of.threads, tell=rerun.tell(of),
+            of.scene, of.plan, of.air.realisations, collisions.depth, self.start_up, collisions.operation,
+            self.tolerance, workers=of.threads, tell=rerun.tell(of),
         )  # fmt: skip
 
     def work(self, flight: SlabFlight, replicates: int, *key: object, begun: tuple[Path, ...] = ()) -> Work[SlabFound]:
@@ -231,8 +233,8 @@ class SlabRerun(Rerun[SlabFound]):
 
     def on(self, pipeline: Pipeline) -> Work[SlabFound]:
         stage = pipeline.collision_stage
-        first = stage.crowd.fewest if len(pipeline.air.realisations) == 1 else stage.crowd.replicates
-        replicates = max([first, *(stage.crowd.after(found.replicates) for found in self.beside)])
+        first = stage.collisions.fewest if len(pipeline.air.realisations) == 1 else stage.collisions.replicates
+        replicates = max([first, *(stage.collisions.after(found.replicates) for found in self.beside)])
         return stage.work(stage.flight(self), replicates, begun=tuple(found.folder for found in self.beside))
 
 
@@ -250,8 +252,10 @@ class CollisionRerun(Rerun[SlabFound]):
 
     def on(self, pipeline: Pipeline) -> Work[SlabFound]:
         stage, scene = pipeline.collision_stage, self.applied(pipeline.scene)
-        flight = replace(stage.flight(self), scene=scene, part=self.depth, step=self.step * pipeline.crowd().clock.step)
-        replicates = max(MIN_REPLICATES, stage.crowd.replicates // 4)
+        flight = replace(
+            stage.flight(self), scene=scene, part=self.depth, step=self.step * pipeline.collisions().clock.step
+        )
+        replicates = max(MIN_REPLICATES, stage.collisions.replicates // 4)
         return stage.work(flight, replicates, self.name, self.step, self.depth, repr(scene.collisions))
 
     def applied(self, scene: Scene) -> Scene:
@@ -396,16 +400,16 @@ class Pipeline:
     @cached_property
     def collision_stage(self) -> CollisionStage:
         """The slab. Raises SceneError where the plan has none."""
-        if self.plan.crowd is None:
+        if self.plan.collisions is None:
             raise SceneError("collisions: the plan has no granules meet; switch them on with --force collisions=on")
-        return CollisionStage(self, self.plan.crowd)
+        return CollisionStage(self, self.plan.collisions)
 
     @property
     def collisions_key(self) -> str:
         """Everything the slab depends on; empty where the plan has none."""
-        return "" if self.plan.crowd is None else self.collision_stage.key
+        return "" if self.plan.collisions is None else self.collision_stage.key
 
-    def crowd(self) -> SlabFound:
+    def collisions(self) -> SlabFound:
         """The landings of granules that meet each other. Raises SceneError where the plan has no slab."""
         return self.run(SlabRerun())
 
@@ -415,4 +419,4 @@ class Pipeline:
 
     def compile_in_background(self) -> None:
         """Have the tracker compiled by another process while this one waits for OpenFOAM."""
-        self.compilation.begin(self.store.root / "log.compile", slab=self.plan.crowd is not None)
+        self.compilation.begin(self.store.root / "log.compile", slab=self.plan.collisions is not None)

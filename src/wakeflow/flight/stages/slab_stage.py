@@ -136,9 +136,9 @@ class SlabFlight:
         cycle = self.airs.cycle_of(feed.granules.time)
         columns = landing_columns(feed, tracks.some(kept), len(self.scene.bin), realisation, cycle)
         further = {
-            "clock": np.array(tracks.crowd.clock),
-            "jammed": np.array(tracks.crowd.jammed),
-            "flown": np.array(tracks.crowd.flown),
+            "clock": np.array(tracks.collisions.clock),
+            "jammed": np.array(tracks.collisions.jammed),
+            "flown": np.array(tracks.collisions.flown),
             "fraction": stream.fraction[kept].astype(np.int16),
             "weight": stream.mass[kept],
             "meetings": tracks.meetings[kept].astype(np.int32),
@@ -210,11 +210,11 @@ def late_in(landings: Mapping[str, Landings]) -> Callable[[str], float]:
     return lambda name: float(np.quantile(landings[name].time, LATE))
 
 
-def steady_after(crowd: CollisionPlan, late: Callable[[str], float]) -> float:
+def steady_after(collisions: CollisionPlan, late: Callable[[str], float]) -> float:
     """Seconds until a slab is steady: the longest flight, alone, of the granules that are simulated one by one, which
     is as ``late`` says.
     """
-    real = [name for name, fine in crowd.tracers.items() if fine < 1.0] or list(crowd.tracers)
+    real = [name for name, fine in collisions.tracers.items() if fine < 1.0] or list(collisions.tracers)
     return max(late(name) for name in real)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from ..drag import relaxation_time, terminal_velocity
 from .force import SIDEWAYS, AirProperties, Array, Bound, FlightScales, Force, Grains, Granule, Slots, drag_scale
 
-SLOWEST = 0.1  # of the typical slip: what the slip seldom falls below; chosen, and tried along recorded tracks
+MIN_SLIP_PART = 0.1  # of the typical slip: what the slip seldom falls below; chosen, and tried along recorded tracks
 NODES = 2001  # of the quadrature in time^(1/4): error below 1e-4
 # By what flights with and without the force exceed the estimate, in the shipped rhombus' steady wake
 # (tests/unit/planning): dust that follows the air into the wake 9 times (95 % of it), chaff and wheat beside it 1.15.
@@ -157,7 +157,7 @@ def _memory(granule: Granule) -> tuple[tuple[float, float], ...]:
 
 def _shift(flight: FlightScales) -> float:
     stokes = float(relaxation_time(flight.diameter, flight.density, flight.viscosity))
-    slowest = max(SLOWEST * flight.typical_slip, min(flight.settling, flight.typical_slip))
+    slowest = max(MIN_SLIP_PART * flight.typical_slip, min(flight.settling, flight.typical_slip))
     memory = history_time(flight.whole, 0.5 * flight.diameter, slowest, flight.viscosity / flight.air_density)
     last = min(flight.time, flight.tau)  # after a step of the air's velocity the shift grows as t exp(-t / tau)
     air = 0.0 if flight.calm else flight.air_speed

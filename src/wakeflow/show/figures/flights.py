@@ -124,7 +124,7 @@ def _track_rows(tracks: Mapping[str, Sequence[Array]]) -> dict[str, NDArray[np.g
 
 
 SURE = 0.95
-STEP = 0.02  # of the first body's width, between two looks whether a granule is in the zone
+LOOK_STEP = 0.02  # of the first body's width, between two looks whether a granule is in the zone
 SPANS = "the zone spans the channel: this is the time of passing through it, not behind the body alone"
 
 
@@ -157,7 +157,7 @@ def draw_residence(
     cp = pressure_coefficient(mean, scene, airflow)
     zone = suction_nodes(mean, cp, scene)
     with_tracks = canvas.foremost(scene, [name for name, part in tracks.items() if part])
-    times = {name: times_in_zone(mean, cp, zone, tracks[name], STEP * scene.width) for name in with_tracks}
+    times = {name: times_in_zone(mean, cp, zone, tracks[name], LOOK_STEP * scene.width) for name in with_tracks}
     axes, colours = canvas.new_axes(6.4, 3.9, paper), canvas.fraction_colours(list(scene.fraction))
     for name, stay in times.items():
         stays = np.sort(stay)

@@ -16,9 +16,9 @@ from ...answer.shares import BudgetPart, BudgetRow, PartitionCurve
 from ...core.files import atomic_write
 from ...core.quantities import say, speaking
 from ...scene import RESERVED_BIN, Scene
-from ...scene.own_files import LOGOS
 from ...scene.rungs import rungs
 from ...scene.uncertainty import source_of
+from ...scene.user_files import LOGOS
 from .. import words
 from ..asked_pictures import finished_pictures
 from ..canvas import bins_across, fraction_colours

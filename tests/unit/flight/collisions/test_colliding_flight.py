@@ -1,4 +1,4 @@
-"""A crowd in which nobody meets lands where the tracker says: in a vacuum, in air, by chance; and the step's error."""
+"""A slab in which no granules meet lands where the tracker says: in a vacuum, in air, by chance; the step's error."""
 
 from typing import Any
 
@@ -35,21 +35,21 @@ def test_in_a_vacuum_every_granule_lands_where_the_tracker_says(shaken: bool, in
     laws: dict[str, Any] = {"until": 3.0, "bodies": [RHOMBUS], "lines": BELOW, "motion": motion, "tolerance": 1e-4}
     grains = _curtain(60, 1, inertia=inertia, friction=0.4)
     alone = wf.track(None, grains, **laws)
-    crowd = wf.track(None, grains, collisions=_lonely(), **laws)
-    np.testing.assert_array_equal(crowd.fate, alone.fate)
-    away = np.linalg.norm(crowd.position - alone.position, axis=1) / np.ptp(RHOMBUS[:, 0])
+    together = wf.track(None, grains, collisions=_lonely(), **laws)
+    np.testing.assert_array_equal(together.fate, alone.fate)
+    away = np.linalg.norm(together.position - alone.position, axis=1) / np.ptp(RHOMBUS[:, 0])
     assert np.quantile(away, 0.9) < 1e-4
-    assert crowd.crowd.clock.step_error < 1e-4
+    assert together.collisions.clock.step_error < 1e-4
 
 
 def test_rebounds_scatter_and_slip_comes_back_as_the_tracker_has_it() -> None:
-    """The random angle of an impact is that of the granule and the number of its impact, alone or in a crowd."""
+    """The random angle of an impact is that of the granule and the number of its impact, alone or among others."""
     laws: dict[str, Any] = {"until": 3.0, "bodies": [RHOMBUS], "lines": BELOW, "tolerance": 1e-4, "seed": 4}
     plain = _curtain(60, 1, inertia=0.4, friction=0.4)
     grains = plain.replace(scatter=0.15, tangential_restitution=0.3)
     alone = wf.track(None, grains, **laws)
-    crowd = wf.track(None, grains, collisions=_lonely(), **laws)
-    away = np.linalg.norm(crowd.position - alone.position, axis=1) / np.ptp(RHOMBUS[:, 0])
+    together = wf.track(None, grains, collisions=_lonely(), **laws)
+    away = np.linalg.norm(together.position - alone.position, axis=1) / np.ptp(RHOMBUS[:, 0])
     assert np.quantile(away, 0.9) < 1e-4
     other = wf.track(None, plain, **laws)
     assert np.median(np.abs(alone.position[:, 0] - other.position[:, 0])) > 1e-3
@@ -72,17 +72,17 @@ def test_in_air_the_step_is_found_and_its_error_is_honest(more: tuple[str, ...])
     alone = wf.track(field, grains, tolerance=1e-6, **laws)
     errors = []
     for step in (2e-3, 1e-3, 5e-4):
-        crowd = wf.track(field, grains, tolerance=1e-4, collisions=_lonely(step), **laws)
-        np.testing.assert_array_equal(crowd.fate, alone.fate)
-        errors.append(np.quantile(np.linalg.norm(crowd.position - alone.position, axis=1) / 0.06, 0.9))
+        together = wf.track(field, grains, tolerance=1e-4, collisions=_lonely(step), **laws)
+        np.testing.assert_array_equal(together.fate, alone.fate)
+        errors.append(np.quantile(np.linalg.norm(together.position - alone.position, axis=1) / 0.06, 0.9))
     assert errors[0] > 2.5 * errors[1] > 6.0 * errors[2]
-    crowd = wf.track(field, grains, tolerance=1e-4, collisions=_lonely(), **laws)
-    away = np.linalg.norm(crowd.position - alone.position, axis=1) / 0.06
-    assert crowd.crowd.clock.step_error <= 1e-4
+    together = wf.track(field, grains, tolerance=1e-4, collisions=_lonely(), **laws)
+    away = np.linalg.norm(together.position - alone.position, axis=1) / 0.06
+    assert together.collisions.clock.step_error <= 1e-4
     assert np.quantile(away, 0.9) < 2e-4
 
 
-def test_eddies_scatter_a_crowd_as_they_scatter_single_granules() -> None:
+def test_eddies_scatter_granules_that_meet_as_they_scatter_single_granules() -> None:
     """The same random streams on another clock: landings agree in mean and spread, within sampling."""
     field = _stirred(k=np.full(31**2, 0.2), dissipation=np.full(31**2, 4.0))
     grains = _curtain(1500, 3, drag_scale=4.0)
@@ -90,23 +90,23 @@ def test_eddies_scatter_a_crowd_as_they_scatter_single_granules() -> None:
         "until": 1.0, "lines": BELOW, "length": 0.06, "tolerance": 1e-3, "forces": ("drag", "gravity", "dispersion"),
     }  # fmt: skip
     alone = wf.track(field, grains, seed=1, **laws)
-    crowd = wf.track(field, grains, seed=2, collisions=_lonely(5e-4), **laws)
-    one, other = alone.position[:, 0], crowd.position[:, 0]
+    together = wf.track(field, grains, seed=2, collisions=_lonely(5e-4), **laws)
+    one, other = alone.position[:, 0], together.position[:, 0]
     error = np.sqrt(one.var() / len(one) + other.var() / len(other))
     assert abs(one.mean() - other.mean()) < 3.5 * error
     assert abs(np.log(one.std() / other.std())) < 3.5 / np.sqrt(len(one))
 
 
 @pytest.mark.parametrize("name", ["buoyancy", "pressure-gradient", "added-mass", "lift", "magnus", "basset-history"])
-def test_every_force_acts_in_a_crowd_as_on_one(name: str) -> None:
+def test_every_force_acts_among_others_as_on_one(name: str) -> None:
     field = _stirred(pressure=np.linspace(0.0, 1.0, 31**2))
     grains = _curtain(40, 4, drag_scale=2.0, spin=300.0)
     laws: dict[str, Any] = {"until": 0.5, "lines": BELOW, "length": 0.06, "tolerance": 1e-4}
     without = wf.track(field, grains, **laws)
     alone = wf.track(field, grains, forces=("drag", "gravity", name), **laws)
-    crowd = wf.track(field, grains, forces=("drag", "gravity", name), collisions=_lonely(2e-4), **laws)
+    together = wf.track(field, grains, forces=("drag", "gravity", name), collisions=_lonely(2e-4), **laws)
     effect = np.abs(alone.position - without.position).max()
-    away = np.quantile(np.linalg.norm(crowd.position - alone.position, axis=1), 0.9)
+    away = np.quantile(np.linalg.norm(together.position - alone.position, axis=1), 0.9)
     assert away < max(0.03 * effect, 2e-4 * 0.06), (away, effect)
 
 
@@ -123,13 +123,13 @@ def test_a_field_that_changes_in_time_is_read_on_the_common_clock() -> None:
     grains = _curtain(60, 5, time=np.linspace(0.0, 0.1, 60))
     laws: dict[str, Any] = {"until": 1.0, "lines": BELOW, "length": 0.06, "tolerance": 1e-4}
     alone = wf.track(field, grains, **laws)
-    crowd = wf.track(field, grains, collisions=_lonely(5e-4), **laws)
-    np.testing.assert_array_equal(crowd.fate, alone.fate)
-    away = np.linalg.norm(crowd.position - alone.position, axis=1) / 0.06
+    together = wf.track(field, grains, collisions=_lonely(5e-4), **laws)
+    np.testing.assert_array_equal(together.fate, alone.fate)
+    away = np.linalg.norm(together.position - alone.position, axis=1) / 0.06
     assert np.quantile(away, 0.9) < 1e-3
 
 
-def test_the_crowd_hits_tracers_by_the_efficiency_of_impaction_and_does_not_notice() -> None:
+def test_granules_that_meet_hit_tracers_by_the_efficiency_of_impaction_and_does_not_notice() -> None:
     """Heavy granules sweep still dust: none of the finest is caught, all of what is heavy enough in their way is."""
     points, triangles = box(4, low=-0.2, high=0.2)
     field = wf.FlowField.from_arrays(points, triangles, 0 * points)
@@ -160,8 +160,8 @@ def test_the_crowd_hits_tracers_by_the_efficiency_of_impaction_and_does_not_noti
 
 
 def _cost(seed: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, ClockStep]:
-    """Steps of granules that a crowd takes in all, those of its trials too, and what its clock was chosen by: a third
-    is dust, which vortices keep for long, so that its flights alone, at the tolerance, end elsewhere.
+    """Steps that colliding granules take in all, those of trials too, and what their clock was chosen by: a third is
+    dust, which vortices keep for long, so that its flights alone, at the tolerance, end elsewhere.
     """
     rng = np.random.default_rng(seed)
     count, told = 200, []
@@ -176,11 +176,11 @@ def _cost(seed: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int, ClockStep]:
     laws: dict[str, Any] = {"until": 0.6, "lines": BELOW, "length": 0.06, "tolerance": 1e-2}
     found = wf.track(_stirred(), grains, collisions=_lonely(), **laws)
     monkeypatch.undo()
-    return sum(one.flown for one in told), found.crowd.clock
+    return sum(one.flown for one in told), found.collisions.clock
 
 
 def test_what_a_step_costs_does_not_depend_on_the_seed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Over 20 feeds: the steps that a crowd takes, with all trials of its clock."""
+    """Over 20 feeds: the steps that colliding granules take, with all trials of its clock."""
     found = [_cost(seed, monkeypatch) for seed in range(20)]
     flown = [flown for flown, _ in found]
     assert max(flown) <= 1.5 * np.median(flown)
@@ -190,7 +190,7 @@ def test_what_a_step_costs_does_not_depend_on_the_seed(monkeypatch: pytest.Monke
 @pytest.mark.parametrize("factor", [1.0, 2.0, 30.0, 300.0])
 def test_a_step_that_is_too_long_is_shortened_alike_for_every_seed(factor: float) -> None:
     """Errors of the scheme's order, each measured to a quarter, from a first step that errs by ``factor`` times what
-    was asked, or by half a length where that is less: 20 seeds, the cost of the trials and of a crowd of 20 of them.
+    was asked, or by half a length where that is less: 20 seeds, the cost of the trials and of a slab of 20 of them.
     """
     costs = []
     for seed in range(20):

@@ -1,4 +1,4 @@
-"""Two granules meet exactly as the law of pairs says, a crowd keeps what it must; heaps, jams, and what is refused."""
+"""Two granules meet exactly as the law of pairs says, collisions keep what they must; heaps, jams, what is refused."""
 
 from typing import Any
 
@@ -211,12 +211,12 @@ def test_nobody_and_one() -> None:
     assert none.meetings is not None
     assert len(none) == len(none.meetings) == 0
     one = _poured(1, 1.0, 0.0, 0.05)
-    crowd = wf.track(None, one, until=1.0, bodies=[TOP], lines=BELOW, collisions=wf.Collisions(0.06), tolerance=1e-4)
+    together = wf.track(None, one, until=1.0, bodies=[TOP], lines=BELOW, collisions=wf.Collisions(0.06), tolerance=1e-4)
     alone = wf.track(None, one, until=1.0, bodies=[TOP], lines=BELOW, tolerance=1e-4)
-    assert crowd.fate[0] == alone.fate[0] == Fate.RESTING
-    np.testing.assert_allclose(crowd.position, alone.position, atol=1e-6)
-    assert crowd.crowd is not None
-    assert crowd.time[0] == pytest.approx(alone.time[0], abs=2.0 * crowd.crowd.clock.step)
+    assert together.fate[0] == alone.fate[0] == Fate.RESTING
+    np.testing.assert_allclose(together.position, alone.position, atol=1e-6)
+    assert together.collisions is not None
+    assert together.time[0] == pytest.approx(alone.time[0], abs=2.0 * together.collisions.clock.step)
 
 
 def test_a_heap_comes_to_rest_on_a_flat_top_under_load_and_is_counted() -> None:
@@ -230,7 +230,7 @@ def test_a_heap_comes_to_rest_on_a_flat_top_under_load_and_is_counted() -> None:
     assert np.all(resting[:, 1] > 0.00178)  # on the top's corners friction of 0.5 holds up to 2 mm cos(atan 0.5)
     assert np.all(np.abs(resting[:, 0]) < 0.011)
     assert np.all(np.abs(tracks.velocity[tracks.fate == Fate.RESTING]) < 0.02)
-    assert tracks.crowd.steps < 8000
+    assert tracks.collisions.steps < 8000
 
 
 def _through_a_gap(half: float, rate: float, width: float) -> wf.Tracks:
@@ -249,8 +249,8 @@ def test_a_dense_feed_that_finds_its_way_through_does_not_jam() -> None:
     tracks = _through_a_gap(6e-3, 600.0, 0.02)
     assert np.all(tracks.fate == Fate.BINNED)
     assert tracks.meetings.mean() > 1.0
-    assert not tracks.crowd.jammed
-    assert tracks.crowd.advice == ""
+    assert not tracks.collisions.jammed
+    assert tracks.collisions.advice == ""
 
 
 def test_a_feed_that_jams_between_body_and_wall_is_recognised_and_said() -> None:
@@ -258,8 +258,8 @@ def test_a_feed_that_jams_between_body_and_wall_is_recognised_and_said() -> None
     tracks = _through_a_gap(1e-3, 150.0, 3e-3)
     assert np.all(tracks.fate != Fate.BINNED)
     assert np.all(tracks.position[:, 1] > 0.0)
-    assert tracks.crowd.jammed
-    assert "jam" in tracks.crowd.advice
+    assert tracks.collisions.jammed
+    assert "jam" in tracks.collisions.advice
 
 
 @pytest.mark.slow

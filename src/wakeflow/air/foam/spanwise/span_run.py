@@ -184,13 +184,13 @@ PLANE = 15.0  # of the plane wake before it is extruded: the vortices have forme
 SEGMENT = 2.0  # what an interruption may cost; starting the solver costs some per cent of it
 COURANT = 2.0  # the largest Courant number; halved, down to
 CAREFUL = 0.5  # this one, when a segment fails numerically
-SAME = 1e-6  # cadences
+CADENCE_ROUNDING = 1e-6  # cadences
 
 
 def _plane_wake(spec: FlowSpec, folder: Path, start: Path | None, listener: ProgressListener) -> None:
     """The plane wake that every layer starts from, time-resolved for PLANE convective times."""
     end = PLANE * spec.convective_time
-    if last_state(folder) >= end * (1 - SAME):
+    if last_state(folder) >= end * (1 - CADENCE_ROUNDING):
         return
     drop_after(folder, 0.0)
     start_in_time(spec, folder, start)
@@ -202,7 +202,7 @@ def record_ends(span: Span, scale: float) -> list[float]:
     """The ends (s) of the run's segments, ``scale`` (s) being the convective time: whole snapshots, the last one's end
     not before that of the record.
     """
-    beats, whole = round(SEGMENT / CADENCE), math.ceil(span.whole / CADENCE - SAME)
+    beats, whole = round(SEGMENT / CADENCE), math.ceil(span.whole / CADENCE - CADENCE_ROUNDING)
     ends = [*range(beats, whole, beats), whole]
     return [beat * CADENCE * scale for beat in ends]
 
@@ -215,7 +215,7 @@ def _record(spec: SpanSpec, folder: Path, listener: ProgressListener) -> None:
     while True:
         now, state = last_state(deep), json.loads((folder / PHASE).read_text())
         _pack_new(folder, now, spec.span.start_up * scale)
-        following = [end for end in ends if end > now * (1 + SAME)]
+        following = [end for end in ends if end > now * (1 + CADENCE_ROUNDING)]
         if not following:
             return
         try:
@@ -235,7 +235,7 @@ def _pack_new(folder: Path, until: float, begin: float) -> None:
     deep = folder / SPAN
     for path in time_folders(deep):
         packed = folder / PACKED / f"{path.name}.npy"
-        if begin * (1 - SAME) <= float(path.name) <= until * (1 + SAME) and not packed.exists():
+        if begin * (1 - CADENCE_ROUNDING) <= float(path.name) <= until * (1 + CADENCE_ROUNDING) and not packed.exists():
             pack(path, folder)
     if until > 0:
         purge(deep)
@@ -247,7 +247,7 @@ def _go_back(folder: Path) -> None:
     drop_after(deep, ends[-2] if len(ends) > 1 else 0.0)
     now = last_state(deep)
     for path in (folder / PACKED).glob("*.npy"):
-        if float(path.stem) > now * (1 + SAME):
+        if float(path.stem) > now * (1 + CADENCE_ROUNDING):
             path.unlink()
 
 

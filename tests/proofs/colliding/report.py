@@ -1,4 +1,4 @@
-"""``wakeflow verify crowd``: the slab next to LIGGGHTS, OpenFOAM's clouds and kinetic theory, as one report.
+"""``wakeflow verify collisions``: the slab next to LIGGGHTS, OpenFOAM's clouds and kinetic theory, as one report.
 
 The machine in a vacuum by the slab and by LIGGGHTS: bin shares, their intervals and paired differences. What other
 programs flew is kept in the cache.
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.crowd.clouds import CASE, CloudFlight, fly_clouds, fly_foam_clouds, two_clouds
-from proofs.crowd.cooling import Gas, cooling_row
-from proofs.crowd.liggghts import Flown, Machine, SoftSpheres, fed, fly_liggghts, fly_machine, the_machine
+from proofs.collisions.clouds import CASE, CloudFlight, fly_clouds, fly_foam_clouds, two_clouds
+from proofs.collisions.cooling import Gas, cooling_row
+from proofs.collisions.liggghts import Flown, Machine, SoftSpheres, fed, fly_liggghts, fly_machine, the_machine
 from proofs.report import Column, Interval, Report, Row, Table, Tell, cell, mean_interval, plus_minus
 from wakeflow.air.foam.programs import openfoam_version
 from wakeflow.answer.spread import share_interval
@@ -48,7 +48,7 @@ def kept_flight(
         np.savez(folder / FILE, found=found, seconds=np.array(seconds))
 
     key = content_key(peer, settings, _fingerprint(grains), digest_files([HERE / name for name in sources]))
-    folder, _ = Store(cache_root()).make("verify-crowd", key, make)
+    folder, _ = Store(cache_root()).make("verify-collisions", key, make)
     with np.load(folder / FILE) as data:
         return data["found"], float(data["seconds"])
 
@@ -175,7 +175,7 @@ QUICK = _Effort(3, 0.5, 2, 3, (0.9,))
 SLOW = _Effort(8, 1.0, 3, 4, (0.9, 0.8, 0.6))
 
 
-def run_crowd(*, slow: bool, tell: Tell) -> Report:
+def run_collisions(*, slow: bool, tell: Tell) -> Report:
     """Compute every row; ``slow``: more replicates, the variants of
     LIGGGHTS, more restitutions of the gas; a quarter of an hour of one core. Raises ProgramError without LIGGGHTS,
     FoamError without OpenFOAM.
@@ -194,7 +194,7 @@ def run_crowd(*, slow: bool, tell: Tell) -> Report:
     for restitution in how.restitutions:
         tell(f"a gas of restitution {restitution:g} cools")
         facts["gas"].append(cooling_row(Gas(restitution=restitution), how.gas))
-    return Report("crowd", crowd_tables(facts), facts, _notes(facts["vacuum"]))
+    return Report("collisions", collision_tables(facts), facts, _notes(facts["vacuum"]))
 
 
 def _clouds(replicates: int, tell: Tell) -> list[Row]:
@@ -243,7 +243,7 @@ def _notes(machine: Row) -> list[str]:
     ]
 
 
-def crowd_tables(facts: Row) -> list[Table]:
+def collision_tables(facts: Row) -> list[Table]:
     """The machine by bins, the variants of LIGGGHTS, the clouds, and the gas."""
     machine = facts["vacuum"]
     tables = [Table("machine in a vacuum, 500 kg/h: shares in %", MACHINE, machine["rows"])]

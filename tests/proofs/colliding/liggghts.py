@@ -85,8 +85,8 @@ def the_machine(operation: float, changes: Mapping[str, Any] | None = None) -> M
     table["collisions"] = {"depth": DEPTH, "restitution": RESTITUTION, "friction": FRICTION}
     scene = Scene.model_validate(table).replace(dict(changes or {}))
     plan = make_plan(scene)
-    assert plan.crowd is not None
-    return Machine(scene, plan, plan.crowd.depth, plan.crowd.start_up, operation)
+    assert plan.collisions is not None
+    return Machine(scene, plan, plan.collisions.depth, plan.collisions.start_up, operation)
 
 
 def fed(machine: Machine, replicate: int) -> tuple[Granules, NDArray[np.bool_]]:
@@ -132,9 +132,9 @@ def fly_machine(machine: Machine, grains: Granules, seed: int, step: float | Non
         collisions=Collisions(machine.depth, machine.restitution, machine.friction, step=step),
     )  # fmt: skip
     seconds = time.process_time() - begun
-    assert tracks.crowd is not None
+    assert tracks.collisions is not None
     binned = (tracks.line >= 0) & (tracks.line < len(machine.scene.bin))
-    return Flown(np.where(binned, tracks.line, -1), seconds), tracks.crowd.clock.step
+    return Flown(np.where(binned, tracks.line, -1), seconds), tracks.collisions.clock.step
 
 
 # -- liggghts ----------------------------------------------------------------------------------------------------------

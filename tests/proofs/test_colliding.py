@@ -11,9 +11,9 @@ import pytest
 
 import wakeflow as wf
 from proofs import commands
-from proofs.crowd import clouds, liggghts, report
-from proofs.crowd.cooling import Gas, cooling_coefficients
-from proofs.crowd.liggghts import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
+from proofs.collisions import clouds, liggghts, report
+from proofs.collisions.cooling import Gas, cooling_coefficients
+from proofs.collisions.liggghts import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
 from proofs.report import mean_interval
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.planning.unknowns import SIGMAS
@@ -70,7 +70,7 @@ def test_shares_count_steady_operation_and_a_paired_difference_knows_more() -> N
     assert all(row["agree"] for row in rows)
 
 
-def test_the_difference_of_two_crowds_is_no_surer_than_granules_that_fared_differently() -> None:
+def test_the_difference_of_two_slabs_is_no_surer_than_granules_that_fared_differently() -> None:
     """Four granules, two from the left: who crosses and who lands in the middle; two pairs that differ alike."""
     ours = [clouds.CloudFlight(np.array([0.2, 0.01, -0.2, -0.01]), 1.0)] * 2
     theirs = [clouds.CloudFlight(np.array([0.2, -0.01, np.nan, -0.2]), 1.0)] * 2
@@ -157,8 +157,8 @@ def test_walls_hide_as_many_partners_as_random_pairs_show() -> None:
 
 
 def test_the_report_has_its_tables_and_the_proof_is_for_who_asks() -> None:
-    assert "crowd" in commands.PROOFS
-    assert "crowd" in commands.OPTIONAL
+    assert "collisions" in commands.PROOFS
+    assert "collisions" in commands.OPTIONAL
     row = {"bin": "middle", "ours": (0.1, 0.05, 0.15), "theirs": (0.2, 0.1, 0.3), "difference": (0.1, -0.1, 0.3)}
     machine = {
         "rows": [row | {"agree": True}], "variants": [{"name": "v", "rows": [row]}], "seconds": {"v": 3.0},
@@ -167,6 +167,6 @@ def test_the_report_has_its_tables_and_the_proof_is_for_who_asks() -> None:
     cloud = {"way": "slab", "seconds": 1.0}
     cloud |= {key: ratio for name in report.MEASURES for key in (name, f"{name}_more")}
     gas = {"restitution": 0.9, "granules": 9, "filled": 0.02, "frequency": ratio, "cooling": ratio, "seconds": 1.0}
-    tables = report.crowd_tables({"vacuum": machine, "clouds": [cloud], "gas": [gas]})
+    tables = report.collision_tables({"vacuum": machine, "clouds": [cloud], "gas": [gas]})
     assert [len(table.cells()) for table in tables] == [1, 1, 1, 1]
     assert tables[0].cells()[0][1] == "10.00 ± 5.00"

@@ -115,7 +115,7 @@ def settings_of(scene: Scene, plan: Plan) -> RefinedSettings:
         tolerance=scene.numerics.tolerance,
         mesh_scale=scene.numerics.mesh_scale if solved else None,
         averaging=plan.airflow.accuracy if sheds else None,
-        slab=None if plan.crowd is None else plan.crowd.count,
+        slab=None if plan.collisions is None else plan.collisions.count,
     )
 
 
@@ -216,12 +216,12 @@ def _loading_seconds(scene: Scene, request: Request) -> float:
 
 def _thin(scene: Scene, request: Request) -> Scene:
     """The scene with a slab no deeper than it takes for FEW_IN_FLIGHT granules: what that changes is measured."""
-    crowd = _planned(scene, request).crowd
-    many = 0.0 if crowd is None else sum(crowd.in_flight.values()) / FEW_IN_FLIGHT
-    if crowd is None or many <= 1.0 + ROUNDING:
+    collisions = _planned(scene, request).collisions
+    many = 0.0 if collisions is None else sum(collisions.in_flight.values()) / FEW_IN_FLIGHT
+    if collisions is None or many <= 1.0 + ROUNDING:
         return scene
     coarsest = max(float(one.diameters(np.array([0.5]))[0]) for one in scene.fraction.values())
-    return scene.replace({"collisions.depth": min(crowd.depth, max(THINNEST * coarsest, crowd.depth / many))})
+    return scene.replace({"collisions.depth": min(collisions.depth, max(THINNEST * coarsest, collisions.depth / many))})
 
 
 QUICK = Effort("quick", {"granules": 256, "mesh": 3.0, "tolerance": 1e-2}, in_time=False, force_within=8.0)

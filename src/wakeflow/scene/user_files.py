@@ -10,7 +10,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ..core.errors import FoamError, SceneError
-from ..core.files import own_path, read_toml
+from ..core.files import read_toml, user_path
 from ..core.foam_text import Entries, read_entries
 from ..core.quantities import quantity, split_quantity
 from ..core.record import JsonMapping, JsonTable
@@ -50,7 +50,7 @@ def with_own_materials(data: JsonMapping, base: Path) -> JsonMapping:
     fractions = data.get("fraction", {})
     if not isinstance(file, str) or not isinstance(fractions, Mapping):
         return data
-    known = read_materials(own_path(file, base, "materials"))
+    known = read_materials(user_path(file, base, "materials"))
     result = {
         which: _as_fraction(which, known[table["material"]], table)
         if isinstance(table, Mapping) and table.get("material") in list(known)
@@ -161,7 +161,7 @@ LOGOS = {".png": "image/png", ".svg": "image/svg+xml", ".jpg": "image/jpeg", ".j
 
 def _logo(given: str, base: Path) -> Path:
     """The file of a logo, absolute. Raises SceneError where it is none."""
-    path = own_path(given, base, "report.logo").resolve()
+    path = user_path(given, base, "report.logo").resolve()
     if path.suffix.lower() not in LOGOS:
         raise SceneError(f"report.logo = {given!r}: needs a file that ends in {', '.join(LOGOS)}")
     if not path.is_file():
@@ -189,7 +189,7 @@ def read_samples(given: str, base: Path) -> dict[str, list[float]]:
 
     Raises SceneError for a file that cannot be read, and for a line that is not two numbers, naming it.
     """
-    path, result = own_path(given, base, "vibration.samples"), {"time": list[float](), "acceleration": list[float]()}
+    path, result = user_path(given, base, "vibration.samples"), {"time": list[float](), "acceleration": list[float]()}
     for at, cells in _sheet(path, f"vibration.samples = {given!r}", headed=False).rows:
         try:
             time, acceleration = cells
@@ -238,7 +238,7 @@ def read_sieves(given: str, base: Path, key: str) -> dict[str, object]:
     Raises SceneError, by the ``key``, for a file that cannot be read or says less.
     """
     say = f"{key} = {given!r}"
-    sheet = _sheet(own_path(given, base, key), say)
+    sheet = _sheet(user_path(given, base, key), say)
     columns = {kind: [i for i, head in enumerate(sheet.heads) if head.split(" ")[0] in names]
                for kind, names in (("opening", OPENINGS), ("passing", PASSING), ("retained", RETAINED))}  # fmt: skip
     amounts = columns["passing"] + columns["retained"]
@@ -278,7 +278,7 @@ def find_case(given: str, base: Path) -> Path:
     """The case's folder, absolute; ``given`` is relative to ``base``. Raises SceneError where no case with a mesh and a
     solution is.
     """
-    case = own_path(given, base, "air.case").resolve()
+    case = user_path(given, base, "air.case").resolve()
     boundary = case / "constant" / "polyMesh" / "boundary"
     if not any(path.exists() for path in (boundary, boundary.with_name("boundary.gz"))):
         raise SceneError(f"air.case = {given!r}: no OpenFOAM mesh (constant/polyMesh) in {case}")

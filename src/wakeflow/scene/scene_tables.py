@@ -243,15 +243,17 @@ def _switches(value: object) -> object:
     return states_of(value) if isinstance(value, Mapping) else value
 
 
-SAME = 1e-9  # m, and of a unit vector: what is so near is the same
+LENGTH_ROUNDING = 1e-9  # m, and of a unit vector: what is so near is the same
 
 
 def _same_line(one: Array, other: Array) -> bool:
     """Whether two lines (k, 2) of points are one, from either end, or closed ones with the same corners."""
     if len(one) == len(other) > 3 and all(np.array_equal(line[0], line[-1]) for line in (one, other)):
         gaps = np.abs(one[:, None] - other).max(axis=2)
-        return bool(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) <= SAME)
-    return one.shape == other.shape and any(np.allclose(one, way, rtol=0.0, atol=SAME) for way in (other, other[::-1]))
+        return bool(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) <= LENGTH_ROUNDING)
+    return one.shape == other.shape and any(
+        np.allclose(one, way, rtol=0.0, atol=LENGTH_ROUNDING) for way in (other, other[::-1])
+    )
 
 
 class SceneTables(Table):
@@ -373,7 +375,7 @@ class SceneTables(Table):
         """
         own_air = self.air is not None and self.air.case != ""
         motion = self.vibration
-        still = motion is None or (motion.pivot is None and abs(float(motion.along[0])) < SAME)
+        still = motion is None or (motion.pivot is None and abs(float(motion.along[0])) < LENGTH_ROUNDING)
         if (
             not (self.symmetric and still and self.feed.symmetric and self.plumb.upright)
             or own_air

@@ -1,1 +1,0 @@
-"""Crowds beside their peers: LIGGGHTS, OpenFOAM's DPMFoam and MPPICFoam, and kinetic theory."""
