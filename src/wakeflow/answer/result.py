@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from .shares import LandingResults, Separation
 
 
-SCHEMA = 4
+SCHEMA = 5
 FILE = "result.json"
 CHECKSUM = "sha256"  # key of result.json: of all that is beside it there
 GRANULES = "granules.npz"

@@ -100,7 +100,7 @@ class Tracks:
 
     ``fate`` (n,) values of :class:`Fate`; ``steps`` taken, ``impacts`` on bodies, ``line`` index that ended the track
     or -1; ``spin`` rad/s; ``evaluations`` of the equation of motion; ``recorded`` paths, empty where none were kept.
-    With ``collisions``: ``meetings`` (n,) with other granules, and of the ``collisions`` how it was flown.
+    With ``collisions``: ``meetings`` (n,) with other granules; ``collisions``: how they were flown.
     """
 
     position: Array
@@ -118,6 +118,11 @@ class Tracks:
 
     def __len__(self) -> int:
         return len(self.fate)
+
+    @property
+    def crowd(self) -> CollisionFlight:
+        """``collisions`` by its earlier name."""
+        return self.collisions
 
     @classmethod
     def empty(cls, count: int, *, recorded: bool = False) -> Tracks:

@@ -134,6 +134,11 @@ class Plan(_Sendable):
         )
 
     @property
+    def crowd(self) -> CollisionPlan | None:
+        """``collisions`` by its earlier name."""
+        return self.collisions
+
+    @property
     def rung(self) -> str:
         """none | analytic | draft | standard | reference | 3d | given"""
         return self.airflow.rung
