@@ -21,7 +21,7 @@ from ..laws.constants import GRAVITY, STANDARD_AIR
 from ..laws.drag import drag_laws, relaxation_time, relaxed, slip_correction, terminal_velocity
 from ..laws.forces.force import REACH
 from ..laws.impaction import Front, Impaction, Met, approach, fronts
-from ..laws.restitution import restitution_at
+from ..laws.restitution import Restitution, restitution_at
 from ..scene import Fraction, Scene
 
 Array = NDArray[np.float64]
@@ -356,10 +356,13 @@ def _landing_shift(
     """The 95th percentile, by mass, of the landing shifts (body widths) of those that meet the body; 0 if none does."""
     if not hits.any():
         return 0.0
-    turned, straight = (
-        _at(approached, _landing(scene, name, kind, contacts), np.abs(places))
-        for contacts in (approached.turned, approached.straight)
-    )
+    fraction = scene.fraction[name]
+    below = _Below(
+        scene.level - scene.channel.bottom, scene.airstream.speed, 0.5 * scene.channel.width,
+        fraction.properties.restitution, fraction.properties.friction, fraction.inertia,
+    )  # fmt: skip
+    landings = _landings(front_of(scene), kind, scene.release, below)
+    turned, straight = (_at(approached, landing, np.abs(places)) for landing in landings)
     mass = np.broadcast_to(weight[:, None], hits.shape)[hits]
     shift = np.abs(turned - straight)[hits] / scene.width
     order = np.argsort(shift)
@@ -377,36 +380,52 @@ def _at(approached: Impaction, values: Array, offset: Array) -> Array:
     return np.array(every)
 
 
-def _landing(scene: Scene, name: str, kind: _Kind, contacts: Met) -> Array:
-    """How far off the axis (n, m) m granules land that met the face in ``contacts``: they leave the face, which is at
-    rest, by the collision law, fly through uniform air, and bounce off the face again and off the channel's walls.
+@dataclass(frozen=True)
+class _Below:
+    """Where granules fly that leave the face, and how they rebound: it lies ``floor`` m above the channel's, in air of
+    a ``speed`` (m/s), with ``wall`` m on either side.
     """
-    front, rim = front_of(scene), 0.5 * np.array(kind.diameters)[:, None]
-    floor, air = scene.level - scene.channel.bottom, complex(scene.airstream.speed)
-    z, v = contacts.z.copy(), _bounced(scene, name, rim, contacts.v, contacts.normal)
-    step = 2.0 * np.sqrt(2.0 * floor / scene.gravity) / FALL_STEPS
+
+    floor: float
+    speed: float
+    wall: float
+    restitution: float | Restitution
+    friction: float
+    inertia: float
+
+    def bounced(self, radius: Array, v: Complex, normal: Array | Complex) -> Complex:
+        """Velocities after a blow on a face at rest."""
+        ways = v.real, v.imag, normal.real, normal.imag, 0.0, 0.0
+        e = restitution_at(self.restitution, approach_speed(*ways))
+        vx, vy, *_ = collide(*ways[:2], 0.0, *ways[2:], e, self.friction, 1.0 / self.inertia, radius)
+        return np.asarray(vx + 1j * vy)
+
+
+@lru_cache(maxsize=256)  # a search for settings plans the same machine again and again
+def _landings(front: Front, kind: _Kind, release: tuple[float, float], below: _Below) -> tuple[Array, Array]:
+    """How far off the axis (n, m) m granules land that the air turned before they met the face, and those that flew
+    straight: they leave it, which is at rest, by the collision law, fly through uniform air, and bounce off the face
+    again and off the channel's walls.
+    """
+    approached = _approached(front, kind, *release)
+    turned, straight = (_landing(front, kind, below, met) for met in (approached.turned, approached.straight))
+    return turned, straight
+
+
+def _landing(front: Front, kind: _Kind, below: _Below, contacts: Met) -> Array:
+    rim, floor = 0.5 * np.array(kind.diameters)[:, None], below.floor
+    z, v = contacts.z.copy(), below.bounced(rim, contacts.v, contacts.normal)
+    step = 2.0 * np.sqrt(2.0 * floor / kind.gravity) / FALL_STEPS
     for _ in range(FALL_STEPS):
-        tau = kind.relax(np.abs(air - v))
-        way, after = relaxed(v, air + kind.pull * tau, tau, step, np.exp(-step / tau))
+        tau = kind.relax(np.abs(complex(below.speed) - v))
+        way, after = relaxed(v, below.speed + kind.pull * tau, tau, step, np.exp(-step / tau))
         away = front.away(z + way)
         meets = front.inside(z + way) & (z.real < front.depth) | (np.abs(away) < rim * CLOSE)
         part = np.where(way.real > 0.0, np.clip((floor - z.real) / np.maximum(way.real, 1e-300), 0.0, 1.0), 1.0)
         if meets.any():
             normal = front.away(z)
-            after = np.where(meets, _bounced(scene, name, rim, v, normal / np.maximum(np.abs(normal), 1e-300)), after)
+            after = np.where(meets, below.bounced(rim, v, normal / np.maximum(np.abs(normal), 1e-300)), after)
         z, v = np.where(meets, z, z + part * way), after
         if np.all(z.real >= floor * (1.0 - 1e-12)):
             break
-    wall = 0.5 * scene.channel.width
-    return np.asarray(wall - np.abs((z.imag + wall) % (4.0 * wall) - 2.0 * wall))
-
-
-def _bounced(scene: Scene, name: str, radius: Array, v: Complex, normal: Array | Complex) -> Complex:
-    fraction = scene.fraction[name]
-    granule = fraction.properties
-    ways = v.real, v.imag, normal.real, normal.imag, 0.0, 0.0
-    e = restitution_at(granule.restitution, approach_speed(*ways))
-    vx, vy, *_ = collide(
-        *ways[:2], 0.0, *ways[2:], e, granule.friction, 1.0 / fraction.inertia, radius,
-    )  # fmt: skip
-    return np.asarray(vx + 1j * vy)
+    return np.asarray(below.wall - np.abs((z.imag + below.wall) % (4.0 * below.wall) - 2.0 * below.wall))

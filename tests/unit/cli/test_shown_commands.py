@@ -69,7 +69,7 @@ def test_a_command_that_is_shown_is_taken(
         monkeypatch.setattr(f"wakeflow.{start}", _begin)
     monkeypatch.setattr("wakeflow.extras.page.server.Page.listen", _begin)
     monkeypatch.setattr("wakeflow.flight.stages.compilation.Compilation.begin", lambda *_, **__: None)
-    monkeypatch.setattr("wakeflow.planning.carried_round._landing_shift", lambda *_: 0.0)  # most of a plan's time
+    monkeypatch.setattr("wakeflow.planning.uniform_fall._landing_shift", lambda *_: 0.0)  # most of a plan's time
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "cache"))
     (tmp_path / "cases").symlink_to(CASES)
