@@ -23,6 +23,7 @@ from pydantic import (
 )
 from pydantic_core.core_schema import (
     CoreSchema,
+    no_info_after_validator_function,
     no_info_before_validator_function,
     wrap_serializer_function_ser_schema,
 )
@@ -151,12 +152,18 @@ def made_by(laws: Registry[Callable[..., Array]], name: str, *args: object, **gi
 
 class Unset:
     """Marks a key that is 0, "" or without entries, as no value of it is, where it is not given. JSON has null then,
-    and the schema no default.
+    and the schema no default; an empty text is refused where it is given.
     """
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         written = wrap_serializer_function_ser_schema(lambda value, write: write(value) if value else None)
-        return {**handler(source), "serialization": written}
+        return {**no_info_after_validator_function(self._given, handler(source)), "serialization": written}
+
+    @staticmethod
+    def _given(value: object) -> object:
+        if value == "":
+            raise SceneError("give a value, or leave the key out")
+        return value
 
 
 UNSET = Unset()
