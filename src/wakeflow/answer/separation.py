@@ -1,4 +1,4 @@
-"""Shares out of landings: what the granules say of all shares, and what the flown draws say of its inputs."""
+"""Shares out of landings: what the granules say of them, and what the flown draws say of the inputs."""
 
 from __future__ import annotations
 

@@ -432,7 +432,7 @@ def weightiest(parts: Mapping[str, InputPart]) -> list[tuple[str, InputPart]]:
 
 
 def least_certain(landings: LandingResults) -> dict[str, tuple[str, dict[str, InputPart]]]:
-    """By fraction, the bin whose share the unknown numbers move most, and what each of them does, largest first."""
+    """The bin, by fraction, whose share the unknown numbers move most, and what each of them does, largest first."""
     return {
         name: max(places.items(), key=lambda one: sum(part.half**2 for part in one[1].values()))
         for name, places in landings.measure_next.items()

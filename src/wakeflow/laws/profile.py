@@ -29,7 +29,7 @@ def uniform(p: Array, width: float) -> Array:
 
 @profiles.register("triangular")
 def triangular(p: Array, width: float) -> Array:
-    """Mass that falls off linearly from the middle to nothing at the edges; there twice as dense as in the mean."""
+    """Mass that falls off linearly from the middle, twice as dense as the mean, to nothing at the edges."""
     below = np.minimum(p, 1.0 - np.asarray(p))
     return 0.5 * width * np.copysign(1.0 - np.sqrt(2.0 * below), np.asarray(p) - 0.5)
 

@@ -322,7 +322,7 @@ def _in_slab(work: Workload) -> Iterator[StageCost]:
 
 
 def _slab_seconds(work: Workload, collisions: CollisionPlan) -> float:
-    """Core-seconds of all replicates of the slab."""
+    """Seconds of all replicates of the slab."""
     slower = SLAB_IN_KNOWN_AIR if work.airflow.kind == "analytic" else 1.0
     if work.airflow.stepping == "time-resolved":
         slower *= 1.0 + AIR_IN_TIME / (sum(collisions.in_flight.values()) + CLOCK)

@@ -196,7 +196,7 @@ def _planned(scene: Scene, request: Request) -> Plan:
 
 
 def _roughly(scene: Scene, request: Request, seconds: float) -> tuple[Scene, Request]:
-    """Solve for the granules' force on the air once where all passes take longer than ``seconds``; leave it out where
+    """Have the granules' force on the air solved for once where all passes take longer than ``seconds``; left out where
     one does too: its bound is then in the interval.
     """
     if LOADING not in request.force and _loading_seconds(scene, request) > seconds:

@@ -48,7 +48,9 @@ class FanEfficiency(Table):
     """What part of the electricity a fan, its drive and its motor turn into pressure and flow, over the flow."""
 
     flow: list[AirFlow] = Field(description="rising")
-    efficiency: list[Annotated[float, Field(gt=0, le=1), WithUnit("1", "55 %")]] = Field(description="one at each flow")
+    efficiency: list[Annotated[float, Field(gt=0, le=1), WithUnit("1", "55 %")]] = Field(
+        description="efficiency at each flow"
+    )
 
     @model_validator(mode="after")
     def _paired(self) -> FanEfficiency:
@@ -100,7 +102,10 @@ class PriceTable(Table):
     electricity: PowerPrice | None = Field(None, description="price of the fan's electricity")
     fan_efficiency: (
         Annotated[FanEfficiency, Shorthand(str | float, lambda share: {"flow": [0.0], "efficiency": [share]})] | None
-    ) = Field(None, description="share of fan, drive and motor, or a curve: { flow = [...], efficiency = [...] }")
+    ) = Field(
+        None,
+        description="efficiency of fan, drive and motor together, or a curve: { flow = [...], efficiency = [...] }",
+    )
     other_drop: Drop = Field(0.0, description="pressure that the fan gives beside the channel: ducts, filter, cyclone")
 
     @property

@@ -19,7 +19,7 @@ from PIL import Image
 from support import Page, shipped
 from wakeflow.air.field import EMPTY, FlowField
 from wakeflow.air.kinds.airflow_table import Airflow
-from wakeflow.answer.result import Result
+from wakeflow.answer.result import SCHEMA, Result
 from wakeflow.answer.shares import PartitionCurve, Separation
 from wakeflow.core.errors import SceneError
 from wakeflow.core.geometry import along, contains
@@ -145,7 +145,7 @@ def _result(scene: Scene, airflow: dict[str, Any] | None) -> dict[str, Any]:
     ]
     total = {"error": None, "seconds": 1.5}
     return {
-        "schema": 4,
+        "schema": SCHEMA,
         "scene": scene.tables(),
         "options": {"until": None, "rung": None, "force": {}, "target_error": None},
         "funnel": None,
@@ -402,7 +402,7 @@ def test_pressure_is_drawn_as_a_coefficient_from_the_inlet(
     assert levels == [-0.5]
     assert np.max(values) == pytest.approx(0.9, abs=0.02)
     assert np.min(values) == pytest.approx(-1.5, abs=0.03)
-    without = replace(FOUND, p_inlet=None)
+    without = replace(FOUND, p_inlet=math.nan)
     draw_pressure("unused", _field(rhombus), rhombus, without)  # from the field's own inlet then
     assert np.allclose(seen[1][0], values, atol=1e-3)
     scale = drawn[0].axes[0].collections[0].norm

@@ -92,7 +92,7 @@ class Agreement:
 
     @property
     def verdict(self) -> Agrees:
-        """Whether answer and trays agree, disagree, or nothing can be told."""
+        """Whether the answer agrees with the trays, disagrees, or cannot tell."""
         return DISAGREES if self.chance < RARE else CANNOT_TELL if self.notices > COARSE else AGREES
 
     @property

@@ -147,7 +147,7 @@ ALWAYS = Bound(lambda _: math.inf, "it acts in every flight")
 # -- What a force is ---------------------------------------------------------------------------------------------------
 Array = NDArray[np.float64]
 Vector = tuple[float, float]
-Slots = Mapping[str, Array | float]  # by the name of a slot in tracking.kernel.layout
+Slots = Mapping[str, Array | float]  # by the name of a slot in flight.kernel.layout
 Needs = Literal["nothing", "air", "pressure", "turbulence"]
 
 

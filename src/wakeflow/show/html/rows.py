@@ -213,8 +213,9 @@ def _cells(about: str, names: Sequence[str], *records: object) -> Iterator[tuple
     for name in names:
         if all(table[known[name].key] is not None for table in tables):
             unit, scale = SHOWN.get(known[name].unit, (known[name].unit, 1.0))
-            meaning = known[name].meaning.partition("; null")[0]
-            yield (f"{about}{name.replace('_', ' ')}: {meaning}",
+            said = name.replace("_", " ")
+            meaning = known[name].meaning.partition("; null")[0].removeprefix(f"{said} ")
+            yield (f"{about}{said}: {meaning}",
                    *(measured_text(getattr(record, name), scale) for record in records), unit)  # fmt: skip
 
 
@@ -237,8 +238,8 @@ def _interval(measured: Number, scale: float) -> str:
 
 
 def number(value: float | None) -> str:
-    """Four significant digits, thousands in full; a dash for None."""
-    if value is None:
+    """Four significant digits, thousands in full; a dash for None and for NaN."""
+    if value is None or math.isnan(value):
         return NO_VALUE
     if isinstance(value, int) or (value and IN_FULL[0] <= abs(value) < IN_FULL[1]):
         return f"{value:.0f}"
