@@ -42,25 +42,25 @@ class LandingCells:
     def of(cls, scene: Scene, fractions: int = 1, landed: Landed = ()) -> LandingCells:
         """Cells of a ``scene`` as it is flown, for so many ``fractions``; short ones where granules ``landed``."""
         placed = scene.on_sides()
-        ends, on = ({name: getattr(one, key) for name, one in placed.items()} for key in ("ends", "on"))
+        ends, on = ({name: getattr(bin_, key) for name, bin_ in placed.items()} for key in ("ends", "on"))
         fine = int(np.clip(MOST // max(1, fractions * len(set(on.values()))), 4, FINE))
         edges = {side: np.array(scene.channel.span(side)) for side in SIDES if side in on.values()}
-        found = cls(tuple(scene.bin), on, ends, edges)
-        return replace(found, edges=found._shorter(scene, landed, fine))
+        cells = cls(tuple(scene.bin), on, ends, edges)
+        return replace(cells, edges=cells._shorter(scene, landed, fine))
 
     def _shorter(self, scene: Scene, landed: Landed, fine: int) -> dict[str, Array]:
         """Edges of cells that are short where granules ``landed``; in a machine with two equal sides their images."""
-        places, found, even = [self.along(scene, *one) for one in landed], {}, len(scene.images) > 0
+        places, shorter, even = [self.along(scene, *lot) for lot in landed], {}, len(scene.images) > 0
         for number, (name, edges) in enumerate(self.edges.items()):
             level = name in ("floor", "top")
-            alike = [i for i, one in enumerate(self.edges) if even and not level and one not in ("floor", "top")]
+            alike = [i for i, side in enumerate(self.edges) if even and not level and side not in ("floor", "top")]
             here = [place[np.isin(side, alike or [number])] for side, place in places]
-            own = [end for one in self.on if self.on[one] == name for end in self.ends[one]]
-            every = np.concatenate([np.array([]), *here, *(-one for one in here if even and level)])
-            found[name] = _edges([edges[0], edges[-1], *own], fine, every)
+            inner = [end for bin_ in self.on if self.on[bin_] == name for end in self.ends[bin_]]
+            every = np.concatenate([np.array([]), *here, *(-along for along in here if even and level)])
+            shorter[name] = _edges([edges[0], edges[-1], *inner], fine, every)
             if even and level:
-                found[name] = 0.5 * (found[name] - found[name][::-1])
-        return found
+                shorter[name] = 0.5 * (shorter[name] - shorter[name][::-1])
+        return shorter
 
     @property
     def others(self) -> list[str]:
@@ -70,13 +70,13 @@ class LandingCells:
     @property
     def first(self) -> dict[str, int]:
         """The number of the first cell of every side."""
-        starts = np.cumsum([0, *(len(one) - 1 for one in self.edges.values())])
+        starts = np.cumsum([0, *(len(edges) - 1 for edges in self.edges.values())])
         return dict(zip(self.edges, map(int, starts), strict=False))
 
     @property
     def count(self) -> int:
         """How many cells there are, elsewhere the last."""
-        return sum(len(one) - 1 for one in self.edges.values()) + len(self.others) + 1
+        return sum(len(edges) - 1 for edges in self.edges.values()) + len(self.others) + 1
 
     # -- landings ------------------------------------------------------------------------------------------------------
     def along(self, scene: Scene, position: NDArray[np.floating], bin_: NDArray[np.integer]) -> tuple[Whole, Array]:
@@ -88,8 +88,8 @@ class LandingCells:
         gaps = {"floor": y - channel.bottom, "top": y - channel.top, "left": x + half, "right": x - half}
         side, place = np.full(x.shape, -1), np.zeros(x.shape)
         for number, name in enumerate(names):
-            own = np.isin(bin_, [i for i, one in enumerate(self.bins) if self.on.get(one) == name])
-            here = own | ((bin_ < 0) & (side < 0) & (np.abs(gaps[name]) <= ON_LINE))
+            inside = np.isin(bin_, [i for i, label in enumerate(self.bins) if self.on.get(label) == name])
+            here = inside | ((bin_ < 0) & (side < 0) & (np.abs(gaps[name]) <= ON_LINE))
             side[here] = number
             place[here] = (x if name in ("floor", "top") else y)[here]
         return side, place
@@ -98,12 +98,12 @@ class LandingCells:
         """The number of the cell (...) at a ``place`` of a ``side``, the nearest beyond its ends; ``otherwise`` where
         there is no side.
         """
-        found = np.broadcast_to(otherwise, np.shape(side)).copy()
+        cells = np.broadcast_to(otherwise, np.shape(side)).copy()
         for number, (name, edges) in enumerate(self.edges.items()):
             mine = side == number
             cell = np.clip(np.searchsorted(edges, place[mine], side="right") - 1, 0, len(edges) - 2)
-            found[mine] = self.first[name] + cell
-        return found
+            cells[mine] = self.first[name] + cell
+        return cells
 
     def off_sides(self, bin_: NDArray[np.integer]) -> Whole:
         """The number of the cell (...) of landings on no side, which the ``bin_`` alone tells."""
@@ -114,14 +114,14 @@ class LandingCells:
 
     def mirrored(self, images: Sequence[int]) -> Whole:
         """The image (cells,) of every cell in a machine with two equal sides, whose bins have ``images``."""
-        found, twin = np.arange(self.count), {"left": "right", "right": "left"}
+        image, twin = np.arange(self.count), {"left": "right", "right": "left"}
         for name, edges in self.edges.items():
             here = self.first[name] + np.arange(len(edges) - 1)
-            found[here] = here[::-1] if name not in twin else self.first[twin[name]] + np.arange(len(edges) - 1)
+            image[here] = here[::-1] if name not in twin else self.first[twin[name]] + np.arange(len(edges) - 1)
         for name in self.others:
             number = self.bins.index(name)
-            found[self.off_sides(np.array(number))] = self.off_sides(np.array(images[number]))
-        return found
+            image[self.off_sides(np.array(number))] = self.off_sides(np.array(images[number]))
+        return image
 
     # -- bins ----------------------------------------------------------------------------------------------------------
     def moved(self, ends: Ends) -> dict[str, tuple[float, float]]:
@@ -138,32 +138,32 @@ class LandingCells:
             if low < edges[0] - END_ROUNDING or high > edges[-1] + END_ROUNDING:
                 raise SceneError(f"bin.{name}: {1000 * low:g} to {1000 * high:g} mm is not within the "
                                  f"{self.on[name]}, {1000 * edges[0]:g} to {1000 * edges[-1]:g} mm")  # fmt: skip
-        found = {name: ends.get(name, pair) for name, pair in self.ends.items()}
+        all_ends = {name: ends.get(name, pair) for name, pair in self.ends.items()}
         for side in self.edges:
-            row = sorted((found[name], name) for name in found if self.on[name] == side)
-            for ((_, high), one), ((low, _), other) in pairwise(row):
+            row = sorted((all_ends[name], name) for name in all_ends if self.on[name] == side)
+            for ((_, high), first), ((low, _), second) in pairwise(row):
                 if low < high - END_ROUNDING:
-                    raise SceneError(f"bins {one} and {other} overlap: {other} begins at {1000 * low:g} mm")
-        return found
+                    raise SceneError(f"bins {first} and {second} overlap: {second} begins at {1000 * low:g} mm")
+        return all_ends
 
     def parts(self, ends: Ends = MappingProxyType({})) -> Array:
         """The part (cells, bins + 1) of every cell that is in every bin, elsewhere last, the bins between other
         ``ends`` where some are given.
         """
-        found = np.zeros((self.count, len(self.bins) + 1))
+        parts = np.zeros((self.count, len(self.bins) + 1))
         for name, (low, high) in {**self.ends, **ends}.items():
-            found[:, self.bins.index(name)] = self.along_side(self.on[name], [(low, high)])
+            parts[:, self.bins.index(name)] = self.along_side(self.on[name], [(low, high)])
         for number, name in enumerate(self.others):
-            found[self.count - 1 - len(self.others) + number, self.bins.index(name)] = 1.0
-        found[:, -1] = 1.0 - found[:, :-1].sum(axis=1)
-        return np.clip(found, 0.0, 1.0)
+            parts[self.count - 1 - len(self.others) + number, self.bins.index(name)] = 1.0
+        parts[:, -1] = 1.0 - parts[:, :-1].sum(axis=1)
+        return np.clip(parts, 0.0, 1.0)
 
     def along_side(self, side: str, stretches: Sequence[tuple[float, float]]) -> Array:
         """The part (cells,) of every cell between the ends (m) of some ``stretches`` of a side that has bins."""
-        found, edges = np.zeros(self.count), self.edges[side]
+        parts, edges = np.zeros(self.count), self.edges[side]
         for low, high in stretches:
-            found[self.first[side] + np.arange(len(edges) - 1)] += np.diff(np.clip(edges, low, high)) / np.diff(edges)
-        return np.clip(found, 0.0, 1.0)
+            parts[self.first[side] + np.arange(len(edges) - 1)] += np.diff(np.clip(edges, low, high)) / np.diff(edges)
+        return np.clip(parts, 0.0, 1.0)
 
 
 def _edges(ends: Sequence[float], fine: int, landed: Array) -> Array:
@@ -177,10 +177,10 @@ def _edges(ends: Sequence[float], fine: int, landed: Array) -> Array:
         inside = np.clip(np.unique(np.quantile(landed, np.linspace(0.0, 1.0, fine + 1))), *spread[0])
         spread += [inside[[0, -1]], inside[[0, -1]], inside]
     places = np.unique(np.concatenate(spread))
-    parts = np.mean([np.interp(places, one, np.linspace(0.0, 1.0, len(one))) for one in spread], axis=0)
-    found = []
+    parts = np.mean([np.interp(places, knots, np.linspace(0.0, 1.0, len(knots))) for knots in spread], axis=0)
+    edges = []
     for a, b in pairwise(marks):  # as many cells between two ends as their part of all
         low, high = np.interp([a, b], places, parts)
         inner = np.linspace(low, high, max(1, round((high - low) * fine)) + 1)[1:-1]
-        found.append([a, *np.interp(inner, parts, places)])
-    return np.concatenate([*found, marks[-1:]])
+        edges.append([a, *np.interp(inner, parts, places)])
+    return np.concatenate([*edges, marks[-1:]])

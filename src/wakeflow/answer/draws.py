@@ -27,7 +27,7 @@ DRAWS = 2048
 LEVEL = 0.95  # of every interval
 END = 1e-6  # of p (1 - p): that of a share which is nothing, or all
 LEAST = 1e-12  # of a variance that is one
-SAID = tuple(one.name for one in columns_of(JointSource))  # of a source in result.json
+SAID = tuple(head.name for head in columns_of(JointSource))  # of a source in result.json
 INPUTS, LACK, SAMPLING = "inputs", "lack of fit", "sampling"
 
 
@@ -40,15 +40,15 @@ def column(key: str) -> Array:
     from scipy.special import ndtri
 
     chance = np.random.default_rng([20110, *key.encode()])
-    found: Array = ndtri((chance.permutation(DRAWS) + chance.random(DRAWS)) / DRAWS)
-    found.setflags(write=False)
-    return found
+    numbers: Array = ndtri((chance.permutation(DRAWS) + chance.random(DRAWS)) / DRAWS)
+    numbers.setflags(write=False)
+    return numbers
 
 
 def columns(keys: Iterable[str]) -> Array:
     """Columns of several keys (DRAWS, keys), cut off where draws of inputs are."""
-    found = [np.clip(column(key), -FARTHEST, FARTHEST) for key in keys]
-    return np.stack(found, axis=1) if found else np.zeros((DRAWS, 0))
+    drawn = [np.clip(column(key), -FARTHEST, FARTHEST) for key in keys]
+    return np.stack(drawn, axis=1) if drawn else np.zeros((DRAWS, 0))
 
 
 @dataclass(frozen=True)
@@ -71,16 +71,16 @@ class ErrorSource:
         """What it adds to every share (DRAWS, fractions, bins + 1)."""
         if self.given.size:
             return self.given
-        found = np.zeros((DRAWS, *self.roots.shape[:2]))
+        errors = np.zeros((DRAWS, *self.roots.shape[:2]))
         for number, name in enumerate(fractions):
             root = self.roots[number]
             used = [i for i in range(root.shape[1]) if np.any(root[:, i])]
-            own = "" if self.shared else f"{salt}.{'' if self.together else name}"
+            whose = "" if self.shared else f"{salt}.{'' if self.together else name}"
             for i in used:
-                found[:, number] += column(f"{self.name}.{own}.{i}")[:, None] * root[:, i]
+                errors[:, number] += column(f"{self.name}.{whose}.{i}")[:, None] * root[:, i]
             if self.bounded:
-                found[:, number] = _rectangular(found[:, number], np.sqrt((root**2).sum(axis=1)))
-        return found
+                errors[:, number] = _rectangular(errors[:, number], np.sqrt((root**2).sum(axis=1)))
+        return errors
 
 
 def _rectangular(z: Array, apart: Array) -> Array:
@@ -94,19 +94,20 @@ def less_at_ends(shares: Array, usual: Array) -> Array:
     """The factor (..., bins + 1) on errors of ``shares`` (..., bins + 1) that are those of shares p with a ``usual``
     p (1 - p): what is nothing of a fraction, or all of it, can hardly be off. At most 1.
     """
-    own = np.clip(shares * (1.0 - shares), 0.0, None)
-    return np.asarray(np.minimum(1.0, np.sqrt((own + END) / (np.clip(usual, 0.0, None) + END))))
+    variance = np.clip(shares * (1.0 - shares), 0.0, None)
+    return np.asarray(np.minimum(1.0, np.sqrt((variance + END) / (np.clip(usual, 0.0, None) + END))))
 
 
 def tied_root(halves: Array) -> Array:
     """A root (bins + 1, bins + 1) of the covariance of errors of a fraction's shares, of which ``halves`` (bins + 1,)
     of 95 % intervals are known: what one bin has too much, the others lack, and each keeps its own variance.
     """
-    own = (halves / SIGMAS) ** 2
-    if (total := float(own.sum())) <= 0.0:
-        return np.zeros((len(own), len(own)))
-    block = np.diag(own) - np.outer(own, own) / total
-    scale = np.sqrt(np.divide(own, np.diag(block), out=np.zeros_like(own), where=np.diag(block) > LEAST * total))
+    variances = (halves / SIGMAS) ** 2
+    if (total := float(variances.sum())) <= 0.0:
+        return np.zeros((len(variances), len(variances)))
+    block = np.diag(variances) - np.outer(variances, variances) / total
+    left = np.diag(block)
+    scale = np.sqrt(np.divide(variances, left, out=np.zeros_like(variances), where=left > LEAST * total))
     sizes, ways = np.linalg.eigh(block * np.outer(scale, scale))
     return np.asarray(ways * np.sqrt(np.clip(sizes, 0.0, None)))
 
@@ -137,7 +138,7 @@ class JointDraws:
 
     def record(self) -> JointRecord:
         """What result.json says of it."""
-        sources = tuple(JointSource(**{key: getattr(one, key) for key in SAID}) for one in self.sources)
+        sources = tuple(JointSource(**{key: getattr(source, key) for key in SAID}) for source in self.sources)
         ends = {name: (float(low), float(high)) for name, (low, high) in self.cells.ends.items()}
         return JointRecord(
             DRAWS, self.fractions, dict(self.targets), self.keys, self.cells.bins, dict(self.cells.on), ends,
@@ -146,14 +147,14 @@ class JointDraws:
 
     def arrays(self) -> dict[str, Any]:
         """What joint.npz holds."""
-        found = {"mass": self.mass, "z": self.z.astype(np.float32), "base": self.base,
+        arrays = {"mass": self.mass, "z": self.z.astype(np.float32), "base": self.base,
                  "change": self.change.astype(np.float16)}  # fmt: skip
-        found |= {f"edges.{side}": edges for side, edges in self.cells.edges.items()}
-        for number, one in enumerate(self.sources):
-            found[f"root.{number}"] = one.roots
-            if one.given.size:
-                found[f"given.{number}"] = one.given.astype(np.float32)
-        return found
+        arrays |= {f"edges.{side}": edges for side, edges in self.cells.edges.items()}
+        for number, source in enumerate(self.sources):
+            arrays[f"root.{number}"] = source.roots
+            if source.given.size:
+                arrays[f"given.{number}"] = source.given.astype(np.float32)
+        return arrays
 
     @classmethod
     def of(cls, record: JointRecord, arrays: Mapping[str, Any]) -> Self:
@@ -162,15 +163,15 @@ class JointDraws:
         edges = {side: edges[side] for side in SIDES if side in edges}
         cells = LandingCells(record.bins, record.on, record.ends, edges)
         sources = tuple(
-            ErrorSource(**vars(one), roots=arrays[f"root.{i}"], given=_wide(arrays, f"given.{i}"))
-            for i, one in enumerate(record.sources)
+            ErrorSource(**vars(source), roots=arrays[f"root.{i}"], given=_wide(arrays, f"given.{i}"))
+            for i, source in enumerate(record.sources)
         )
         fractions, bins = len(record.fractions), len(record.bins) + 1
         shapes = {"mass": (fractions,), "z": (DRAWS, len(record.inputs)), "base": (fractions, cells.count),
                   "change": (DRAWS, fractions, cells.count)}  # fmt: skip
-        for i, one in enumerate(sources):
-            shapes[f"root.{i}"] = (fractions, bins, one.roots.shape[-1])
-            if one.given.size:
+        for i, source in enumerate(sources):
+            shapes[f"root.{i}"] = (fractions, bins, source.roots.shape[-1])
+            if source.given.size:
                 shapes[f"given.{i}"] = (DRAWS, fractions, bins)
         if not (
             set(record.ends) == set(record.on) <= set(record.bins)
@@ -187,12 +188,12 @@ class JointDraws:
     @cached_property
     def errors(self) -> dict[str, Array]:
         """What every source adds to every share (DRAWS, fractions, bins + 1), by its name."""
-        return {one.name: one.draws(self.fractions, self.salt) for one in self.sources}
+        return {source.name: source.draws(self.fractions, self.salt) for source in self.sources}
 
     @property
     def computing(self) -> frozenset[str]:
         """The sources that finer computing makes smaller."""
-        return frozenset(one.name for one in self.sources if one.computing)
+        return frozenset(source.name for source in self.sources if source.computing)
 
     def acting(self, fraction: str) -> list[int]:
         """The places of the inputs that act on a fraction, without a name: on any."""

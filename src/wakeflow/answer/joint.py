@@ -80,9 +80,9 @@ class Bins:
     @cached_property
     def value(self) -> Array:
         """The answer's shares (fractions, bins + 1); a bin and its image have one."""
-        found = np.asarray(self.joint.base @ self.parts)
-        found[np.abs(found - 1.0) < LEAST] = 1.0  # sums of cells
-        return 0.5 * (found + found[:, list(self.joint.images)]) if self._alike else found
+        shares = np.asarray(self.joint.base @ self.parts)
+        shares[np.abs(shares - 1.0) < LEAST] = 1.0  # sums of cells
+        return 0.5 * (shares + shares[:, list(self.joint.images)]) if self._alike else shares
 
     @cached_property
     def _turned(self) -> Array:
@@ -100,10 +100,10 @@ class Bins:
         """Part (fractions, bins + 1, bins + 1) of what each source adds to a bin of the run that is in each bin here:
         as the mass in the run's bin is; where that is empty, as its cells are.
         """
-        own = self.joint.cells.parts()
-        mass = self.joint.base[:, :, None] * own
+        run_parts = self.joint.cells.parts()
+        mass = self.joint.base[:, :, None] * run_parts
         total = mass.sum(axis=1)
-        even = np.broadcast_to(own / np.maximum(own.sum(axis=0), LEAST), mass.shape)
+        even = np.broadcast_to(run_parts / np.maximum(run_parts.sum(axis=0), LEAST), mass.shape)
         within = np.where(total[:, None] > LEAST, mass / np.maximum(total[:, None], LEAST), even)
         return np.asarray(np.einsum("fcb,cd->fbd", within, self.parts))
 
@@ -111,36 +111,35 @@ class Bins:
         """The shares of every draw (copies, DRAWS, fractions, bins + 1): by all that is not known, or by what is
         ``used`` alone (INPUTS, names of sources). Copies: one, or the machine and its mirror image.
         """
-        every = frozenset({INPUTS, *(one.name for one in self.joint.sources)})
+        every = frozenset({INPUTS, *(source.name for source in self.joint.sources)})
         acting = every if used is EVERYTHING else used & every
         return _lately(self._tables, acting, 4, lambda: self._made(acting))
 
     def _made(self, used: frozenset[str]) -> Array:
-        own, images = [self._drawn(self.parts, slice(None), used)], list(self.joint.images)
+        tables, images = [self._drawn(self.parts, slice(None), used)], list(self.joint.images)
         if images:
-            own.append(own[0][..., images] if self._alike else self._drawn(self._turned, images, used))
-        return np.stack(own)
+            tables.append(tables[0][..., images] if self._alike else self._drawn(self._turned, images, used))
+        return np.stack(tables)
 
     def _drawn(self, parts: Array, images: list[int] | slice, used: frozenset[str]) -> Array:
         """The shares (DRAWS, fractions, bins + 1) in ``parts`` of the cells, of a machine or its image."""
         joint = self.joint
-        found = np.broadcast_to(joint.base @ parts, (DRAWS, len(joint.fractions), parts.shape[1])).copy()
+        shares = np.broadcast_to(joint.base @ parts, (DRAWS, len(joint.fractions), parts.shape[1])).copy()
         if INPUTS in used:
-            found += joint.change @ parts.astype(np.float32)
-        sources = [one for one in joint.sources if one.name in used]
-        free = [joint.errors[one.name] for one in sources if not one.bounded]
+            shares += joint.change @ parts.astype(np.float32)
+        sources = [source for source in joint.sources if source.name in used]
+        free = [joint.errors[source.name] for source in sources if not source.bounded]
         if free:
-            own = np.asarray(joint.base @ parts)
-            found += self._passed_on(sum(free, np.zeros(free[0].shape)), images) * less_at_ends(
-                found, own * (1.0 - own)
-            )
-        bounded(found, self.value)
-        within = [one for one in sources if one.bounded]
+            usual = np.asarray(joint.base @ parts)
+            able = less_at_ends(shares, usual * (1.0 - usual))
+            shares += self._passed_on(sum(free, np.zeros(free[0].shape)), images) * able
+        bounded(shares, self.value)
+        within = [source for source in sources if source.bounded]
         if within:
-            most = sum(((one.roots**2).sum(axis=2) for one in within), np.zeros(within[0].roots.shape[:2]))
-            moved = sum((joint.errors[one.name] for one in within), np.zeros(free[0].shape if free else ()))
-            settle(found, self._passed_on(moved, images), self._passed_on(most[None], images)[0])
-        return found
+            most = sum(((source.roots**2).sum(axis=2) for source in within), np.zeros(within[0].roots.shape[:2]))
+            moved = sum((joint.errors[source.name] for source in within), np.zeros(free[0].shape if free else ()))
+            settle(shares, self._passed_on(moved, images), self._passed_on(most[None], images)[0])
+        return shares
 
     def _passed_on(self, errors: Array, images: list[int] | slice) -> Array:
         """What is added to the bins of the run (n, fractions, bins + 1), in the bins here."""
@@ -149,17 +148,17 @@ class Bins:
     # -- numbers -------------------------------------------------------------------------------------------------------
     def values(self, of: Of, used: frozenset[str] = EVERYTHING) -> Array:
         """A number in every draw (copies, DRAWS); the answer's own where the draw has none, as of an empty bin."""
-        found = of(self.tables(used))
-        return np.where(np.isfinite(found), found, of(self.value))
+        drawn = of(self.tables(used))
+        return np.where(np.isfinite(drawn), drawn, of(self.value))
 
     def number(self, of: Of, *, value: float = nan, bounds: Bounds = WHOLE) -> Number:
         """A function ``of`` tables with its 95 % interval: the one maker of intervals. ``value``: where it is known
         better than from the cells. ``bounds``: what it is between.
         """
-        own = float(of(self.value)) if isnan(value) else value
-        found = middle(self.values(of), own, bounds)
-        computed = middle(self.values(of, self.joint.computing), own, bounds)
-        return replace(found, numerical=computed.half if self.joint.computing else None)
+        stated = float(of(self.value)) if isnan(value) else value
+        interval = middle(self.values(of), stated, bounds)
+        computed = middle(self.values(of, self.joint.computing), stated, bounds)
+        return replace(interval, numerical=computed.half if self.joint.computing else None)
 
     def share(self, fraction: str, place: str) -> Number:
         """Share of a fraction in a bin."""
@@ -167,12 +166,12 @@ class Bins:
 
     def of_share(self, fraction: str, places: Collection[str]) -> Of:
         """The share of a fraction in any of ``places``."""
-        row, columns = self.joint.fractions.index(fraction), [self.names.index(one) for one in places]
+        row, columns = self.joint.fractions.index(fraction), [self.names.index(place) for place in places]
         return lambda table: np.asarray(table[..., row, columns].sum(axis=-1))
 
     def of_purity(self, place: str, *fractions: str) -> Of:
         """The share of a bin's mass that is of some fractions."""
-        chosen = [self.joint.fractions.index(one) for one in fractions]
+        chosen = [self.joint.fractions.index(fraction) for fraction in fractions]
         return partial(_purity, self.joint.mass, chosen, self.names.index(place))
 
     @cached_property
@@ -225,8 +224,8 @@ class Bins:
                 beside = [place for place in self.names if place not in targets[fraction]]
                 of = self.of_share(fraction, beside)
                 return of if kind == "loss" else lambda table: self.flows[fraction] * of(table)
-            case "dirt", [place] if place in self.names and any(place in one for one in targets.values()):
-                return self.of_purity(place, *(one for one in fractions if place not in targets[one]))
+            case "dirt", [place] if place in self.names and any(place in aimed for aimed in targets.values()):
+                return self.of_purity(place, *(foreign for foreign in fractions if place not in targets[foreign]))
             case "money", ["products" | "total" as what] if (prices := self.joint.prices) is not None:
                 return self._of_money(prices.value, 0.0 if what == "products" else prices.fan)
             case "throughput", [place] if place in self.names:
@@ -273,8 +272,8 @@ class Bins:
             line[1:][self._tied[place]] = 0.0
             y = y - design[:, 1:] @ line[1:]
         powers = np.stack([z**order for order in range(BENT + 1)], axis=1)
-        found, *_ = np.linalg.lstsq(powers, y, rcond=None)
-        return lambda at: np.asarray(sum(found[order] * at**order for order in range(1, BENT + 1)))
+        coefficients, *_ = np.linalg.lstsq(powers, y, rcond=None)
+        return lambda at: np.asarray(sum(coefficients[order] * at**order for order in range(1, BENT + 1)))
 
     def effects(self, of: Of, fraction: str = "") -> dict[str, InputPart]:
         """What each input alone does to a number of a ``fraction`` (by default of all), the largest first."""
@@ -284,7 +283,7 @@ class Bins:
         variance, doubt = float(values.var()), lack / max(1, len(keys)) + PAIRED**2 * sampled
         if variance < LEAST or not keys:
             return {}
-        found = {}
+        effects = {}
         if len(keys) > MOST_TOGETHER:  # those that a straight line finds first
             towards = np.abs(self.joint.z.T @ (values[0] - values[0].mean()))
             keys = sorted(keys, key=lambda key: -towards[self.joint.keys.index(key)])[:MOST_TOLD]
@@ -294,51 +293,51 @@ class Bins:
             half, part = 0.5 * (high - low), float(does(self.joint.z[:, self.joint.keys.index(key)]).var())
             index, error = min(1.0, part / variance), SIGMAS * np.sqrt(doubt)
             apart = 2.0 * error * index / max(abs(half), error, LEAST)
-            found[key] = InputPart(abs(half), index, float(apart), half)
-        return dict(sorted(found.items(), key=lambda one: -one[1].variance))
+            effects[key] = InputPart(abs(half), index, float(apart), half)
+        return dict(sorted(effects.items(), key=lambda item: -item[1].variance))
 
     def known_better(self, of: Of, parts: Mapping[str, float], value: float = nan) -> Number:
         """A number once the inputs in ``parts`` are known to that part of the interval that they have now, each still
         where it is expected: what they do alone shrinks, all else stays. Never less than computing adds, nor more than
         is unknown now.
         """
-        own = float(of(self.value)) if isnan(value) else value
+        stated = float(of(self.value)) if isnan(value) else value
         inputs, values = self.values(of, frozenset({INPUTS})), self.values(of)
-        now, computed = (middle(one, own, WHOLE) for one in (values, self.values(of, self.joint.computing)))
+        now, computed = (middle(drawn, stated, WHOLE) for drawn in (values, self.values(of, self.joint.computing)))
         for key, part in parts.items():
             z, does = self.joint.z[:, self.joint.keys.index(key)], self._alone(key, inputs[0])
             for copy, side in enumerate((1.0, -1.0 if key in EITHER_SIGN else 1.0)[: len(values)]):
                 less = does(part * side * z) - does(side * z)
                 values[copy], inputs[copy] = values[copy] + less, inputs[copy] + less
-        found = middle(values, own, WHOLE)
-        low, high = max(found.low, now.low), min(found.high, now.high)
-        return Number(own, min(low, computed.low), max(high, computed.high))
+        narrower = middle(values, stated, WHOLE)
+        low, high = max(narrower.low, now.low), min(narrower.high, now.high)
+        return Number(stated, min(low, computed.low), max(high, computed.high))
 
 
-def effects_in(own: Bins) -> tuple[dict[str, dict[str, Parts]], dict[str, Parts]]:
+def effects_in(bins: Bins) -> tuple[dict[str, dict[str, Parts]], dict[str, Parts]]:
     """What each input alone does to every share, by fraction and bin; and to every recovery and purity of targets."""
     shares = {
-        name: {place: parts for place in own.names if (parts := own.effects(own.of_share(name, [place]), name))}
-        for name in own.joint.fractions
+        name: {place: parts for place in bins.names if (parts := bins.effects(bins.of_share(name, [place]), name))}
+        for name in bins.joint.fractions
     }
-    found: dict[str, Parts] = {}
-    for name, targets in own.joint.targets.items():
+    of_targets: dict[str, Parts] = {}
+    for name, targets in bins.joint.targets.items():
         if targets:
-            found[f"recovery.{name}"] = own.effects(own.of_share(name, targets), name)
+            of_targets[f"recovery.{name}"] = bins.effects(bins.of_share(name, targets), name)
         for place in targets:
-            if (own.joint.mass * own.value[:, own.names.index(place)]).sum() > 0.0:
-                found[f"purity.{place}.{name}"] = own.effects(own.of_purity(place, name))
-    return shares, found
+            if (bins.joint.mass * bins.value[:, bins.names.index(place)]).sum() > 0.0:
+                of_targets[f"purity.{place}.{name}"] = bins.effects(bins.of_purity(place, name))
+    return shares, of_targets
 
 
-def bounded(shares: Array, own: Array | float = 0.0) -> Array:
-    """Shares (..., fractions, bins + 1) that are none below 0 and sum to 1, in place; the answer's ``own`` (fractions,
+def bounded(shares: Array, answer: Array | float = 0.0) -> Array:
+    """Shares (..., fractions, bins + 1) that are none below 0 and sum to 1, in place; the ``answer`` (fractions,
     bins + 1) where errors leave nothing of a fraction.
     """
     np.clip(shares, 0.0, None, out=shares)
     total = shares.sum(axis=-1, keepdims=True)
     np.divide(shares, total, out=shares, where=total > 0.0)
-    np.copyto(shares, own, where=total <= 0.0)
+    np.copyto(shares, answer, where=total <= 0.0)
     return shares
 
 
@@ -360,23 +359,23 @@ def settle(shares: Array, errors: Array, most: Array) -> None:
     bounded(shares)
 
 
-def middle(values: Array, own: float, bounds: Bounds = ANY) -> Number:
+def middle(values: Array, value: float, bounds: Bounds = ANY) -> Number:
     """A number with the middle 95 % of its ``values`` (copies, DRAWS), of the mean of the copies' ends."""
     level = 0.5 * (1.0 - LEVEL), 0.5 * (1.0 + LEVEL)
-    ends = np.mean([np.quantile(one, level) for one in np.atleast_2d(values)], axis=0)
-    low, high = min(float(ends[0]), own), max(float(ends[1]), own)
-    return Number(own, max(low, min(bounds[0], own)), min(high, max(bounds[1], own)))
+    ends = np.mean([np.quantile(of_copy, level) for of_copy in np.atleast_2d(values)], axis=0)
+    low, high = min(float(ends[0]), value), max(float(ends[1]), value)
+    return Number(value, max(low, min(bounds[0], value)), min(high, max(bounds[1], value)))
 
 
-def difference(one: Bins, other: Bins, name: str) -> Number | None:
-    """The number called ``name`` of ``one`` answer less that of the ``other``: the same draw of every input that both
-    have, and of what else is common to both; None where either has no such number.
+def difference(answer: Bins, against: Bins, name: str) -> Number | None:
+    """The number called ``name`` of an ``answer`` less that of the one it is held ``against``: the same draw of every
+    input that both have, and of what else is common to both; None where either has no such number.
     """
-    ofs = one.of_name(name), other.of_name(name)
+    ofs = answer.of_name(name), against.of_name(name)
     if ofs[0] is None or ofs[1] is None:
         return None
-    values = one.values(ofs[0]) - other.values(ofs[1])
-    return middle(values, float(ofs[0](one.value) - ofs[1](other.value)))
+    values = answer.values(ofs[0]) - against.values(ofs[1])
+    return middle(values, float(ofs[0](answer.value) - ofs[1](against.value)))
 
 
 def _purity(mass: Array, fractions: Sequence[int], place: int, table: Array) -> Array:

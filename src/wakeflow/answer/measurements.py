@@ -82,17 +82,17 @@ def method_of(key: str) -> Method:
 
 def purchases(result: Result, name: str, number: Number, parts: Mapping[str, InputPart]) -> list[Purchase]:
     """What each measurement alone would make of a ``number`` of the answer called ``name``, the most useful first."""
-    own, found = result.joint.own, []
-    inputs, of = {} if result.landings is None else result.landings.inputs, own.of_name(name)
+    bins, listed = result.joint.own, []
+    inputs, of = {} if result.landings is None else result.landings.inputs, bins.of_name(name)
     for key, part in parts.items():
         known, method = inputs[key], method_of(key)
         if of is None or not part.tells or not known.half > method.half(known.value) > 0.0:
             continue
         half = method.half(known.value)
-        narrower = own.known_better(of, {key: half / known.half}, number.value)
+        narrower = bins.known_better(of, {key: half / known.half}, number.value)
         if number.half - narrower.half >= GAIN:
-            found.append(Purchase(key, half, known.unit, method, narrower))
-    return sorted(found, key=lambda one: one.number.half)[:MAX_LISTED]
+            listed.append(Purchase(key, half, known.unit, method, narrower))
+    return sorted(listed, key=lambda purchase: purchase.number.half)[:MAX_LISTED]
 
 
 def worth_measuring(result: Result) -> Iterator[tuple[str, Number, list[Purchase]]]:
@@ -188,10 +188,10 @@ def _quantities(landings: LandingResults) -> Iterator[tuple[str, float, Mapping[
 
 def grouped(moves: Iterable[InputMove]) -> dict[str, list[InputMove]]:
     """The moves of each quantity, the largest first."""
-    found: dict[str, list[InputMove]] = {}
-    for one in moves:
-        found.setdefault(one.quantity, []).append(one)
-    return {name: sorted(members, key=lambda one: -one.reach) for name, members in found.items()}
+    groups: dict[str, list[InputMove]] = {}
+    for move in moves:
+        groups.setdefault(move.quantity, []).append(move)
+    return {name: sorted(members, key=lambda move: -move.reach) for name, members in groups.items()}
 
 
 def least_sure(moves: Mapping[str, Sequence[InputMove]]) -> list[str]:
@@ -201,7 +201,7 @@ def least_sure(moves: Mapping[str, Sequence[InputMove]]) -> list[str]:
     for name, members in moves.items():
         fraction = name.split(".")[1]
         if name == recovered.get(fraction) or (name.startswith(SHARE) and fraction not in recovered):
-            moved = math.hypot(*(one.reach for one in members))
+            moved = math.hypot(*(move.reach for move in members))
             if moved > worst.get(fraction, (-1.0, ""))[0]:
                 worst[fraction] = moved, name
     return [name for _, name in worst.values()]
@@ -230,19 +230,19 @@ def remaining(result: Result, fraction: str, measured: Mapping[str, float]) -> l
     taken to be where it is expected. Empty where no recovery is known or no input moves it.
     """
     landings, name = result.landings, f"recovery.{fraction}"
-    found = None if landings is None else landings.separation.recovery.get(fraction)
-    of = None if found is None else result.joint.own.of_name(name)
-    if landings is None or found is None or of is None:
+    recovery = None if landings is None else landings.separation.recovery.get(fraction)
+    of = None if recovery is None else result.joint.own.of_name(name)
+    if landings is None or recovery is None or of is None:
         return []
     parts = landings.of_targets.get(name, {})
-    own, rows, left = result.joint.own, list[Remaining](), dict[str, float]()
-    for key in sorted(parts, key=lambda one: -parts[one].half):
-        if (measured and key not in measured) or parts[key].half < LEAST * found.half:
+    bins, rows, left = result.joint.own, list[Remaining](), dict[str, float]()
+    for key in sorted(parts, key=lambda of_input: -parts[of_input].half):
+        if (measured and key not in measured) or parts[key].half < LEAST * recovery.half:
             continue
         known = landings.inputs[key]
         then = min(known.half, measured.get(key, 0.0))
         left[key] = then / known.half
-        alone = min(found.half, own.known_better(of, {key: left[key]}, found.value).half)
-        together = min(alone, rows[-1].together if rows else alone, own.known_better(of, left, found.value).half)
+        alone = min(recovery.half, bins.known_better(of, {key: left[key]}, recovery.value).half)
+        together = min(alone, rows[-1].together if rows else alone, bins.known_better(of, left, recovery.value).half)
         rows.append(Remaining(key, known.unit, known.half, then, alone, together))
     return rows

@@ -41,24 +41,24 @@ ENDINGS = {  # fates that are no landing: what they mean, and what to change
 
 def air_notices(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> list[Notice]:
     """What a user must know of the airflow."""
-    found = [] if pipeline.air.at_once else [*_airflow_notices(scene, pipeline, airflow)]
-    return [*found, *_unsettled(scene, pipeline, airflow), *_off_the_fan(scene, airflow)]
+    notices = [] if pipeline.air.at_once else [*_airflow_notices(scene, pipeline, airflow)]
+    return [*notices, *_unsettled(scene, pipeline, airflow), *_off_the_fan(scene, airflow)]
 
 
 def flight_notices(
     scene: Scene, pipeline: Pipeline, tracked: Tracked, slab: CollisionSummary | None = None
 ) -> list[Notice]:
     """What a user must know of how the tracks ended; those in the ``slab``, where granules meet in one."""
-    found: list[Notice] = []
+    notices: list[Notice] = []
     if slab is not None:
         if slab.jammed:
-            found.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
-        found += _step_not_reached(slab, pipeline.plan.unit)
+            notices.append(void(f"the feed jams in {slab.jammed} of {slab.replicates} replicates: {JAM}"))
+        notices += _step_not_reached(slab, pipeline.plan.unit)
     stays = [row for row in pipeline.plan.left_out if row.name == STICKING]
-    found += [information(f"{row.fraction}: {row.why}; the interval does not hold that") for row in stays]
+    notices += [information(f"{row.fraction}: {row.why}; the interval does not hold that") for row in stays]
     fates = tracked.fates if slab is None else slab.fates
     return [
-        *found,
+        *notices,
         *_passing(pipeline, tracked),
         *_out_of_the_top(scene, tracked),
         *_unlanded(fates),
@@ -68,10 +68,10 @@ def flight_notices(
 
 def _unsettled(scene: Scene, pipeline: Pipeline, airflow: Airflow) -> Iterator[Notice]:
     """Notice of a force on the air that more passes would change; of one pass the whole effect is in the interval."""
-    found, loading, passes = airflow.loading, pipeline.loading, scene.numerics.loading_passes
-    if found is not None and loading is not None and passes > 1 and found.unanswered > loading.answered:
+    force, loading, passes = airflow.loading, pipeline.loading, scene.numerics.loading_passes
+    if force is not None and loading is not None and passes > 1 and force.unanswered > loading.answered:
         yield less_sure(
-            f"the granules' force on the air has not settled, it is {100 * found.unanswered:.2g} % off; "
+            f"the granules' force on the air has not settled, it is {100 * force.unanswered:.2g} % off; "
             f"numerics.loading_passes above {passes} goes on"
         )
 
@@ -89,11 +89,11 @@ def _off_the_fan(scene: Scene, airflow: Airflow) -> Iterator[Notice]:
 
 def _step_not_reached(slab: CollisionSummary, unit: str) -> Iterator[Notice]:
     """Notice of a clock that errs by more than was asked: no step tried is better by what a shorter one costs."""
-    error, asked = slab.step_error, slab.step_asked
-    if error > asked:
+    error, limit = slab.step_error, slab.step_asked
+    if error > limit:
         yield less_sure(
             f"no step of the slab's clock is as exact as asked, after {slab.step_trials} trials: nine of ten landings "
-            f"err by up to {error:.2g} {unit} ({asked:.2g} asked), which moves a share by up to "
+            f"err by up to {error:.2g} {unit} ({limit:.2g} asked), which moves a share by up to "
             f"{100 * SHARE_OF_SHIFT * error:.2g} points; a larger numerics.tolerance asks for less"
         )
 
@@ -179,8 +179,8 @@ def with_mesh_error(airflow: Airflow) -> Airflow:
     """The airflow with the mesh's part in the intervals of what several grids were compared in. A best estimate keeps
     its own: its grids are those of one end.
     """
-    found = {study.quantity: study for study in airflow.grids if not airflow.ends}
-    cd, base = _on_meshes(airflow.cd, found.get("cd")), _on_meshes(airflow.cp_base, found.get("cp_base"))
+    studies = {study.quantity: study for study in airflow.grids if not airflow.ends}
+    cd, base = _on_meshes(airflow.cd, studies.get("cd")), _on_meshes(airflow.cp_base, studies.get("cp_base"))
     return replace(airflow, cd=cd, cp_base=base)
 
 
@@ -188,5 +188,5 @@ def _on_meshes(number: Number, study: GridStudy | None) -> Number:
     """A number with the wider of its own interval and that of a comparison of grids, which holds it."""
     if not number or study is None:
         return number
-    own = number if number.known else study
-    return replace(number, low=min(own.low, study.low), high=max(own.high, study.high))
+    interval = number if number.known else study
+    return replace(number, low=min(interval.low, study.low), high=max(interval.high, study.high))

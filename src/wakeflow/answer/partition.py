@@ -62,7 +62,7 @@ def partition_curves(
     wanted = dict.fromkeys(fraction.targets for fraction in scene.fraction.values() if fraction.targets)
     products = list(wanted) or [(name,) for name in scene.bin]
     return tuple(
-        _curve(fed, values, np.isin(fed.bin, [places[one] for one in product]), product, by, answer)
+        _curve(fed, values, np.isin(fed.bin, [places[place] for place in product]), product, by, answer)
         for product in products
         for by, values in fed.by.items()
         if np.all(values > 0.0) and values.max() > ALIKE * values.min()  # nan compares false
@@ -86,8 +86,8 @@ def _fed(scene: Scene, plan: Plan, landings: Mapping[str, Landings]) -> _Fed:
         columns = landing.bin[kept], landing.replicate[kept], np.full(len(mass), number)
         parts.append((shares[name] * mass / mass.sum(), *(column.astype(np.int64) for column in columns)))
     whole = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    found = {key: np.concatenate(values) for key, values in by.items() if len(values) == len(parts)}
-    return _Fed(whole[0], whole[1], whole[2], whole[3], found)
+    by_property = {key: np.concatenate(values) for key, values in by.items() if len(values) == len(parts)}
+    return _Fed(whole[0], whole[1], whole[2], whole[3], by_property)
 
 
 def _curve(
@@ -105,13 +105,13 @@ def _curve(
     at, share = np.bincount(group, fed.mass * values, count) / mass, landed.sum(axis=1) / mass
     drawn = _scattered(share, whole, landed, np.bincount(group, minlength=count), f"{product}.{by}")
     if answer is not None:
-        lots = [masses(one, fed.fraction, fractions) for one in (fed.mass, fed.mass * inside, np.ones_like(fed.mass))]
+        lots = [masses(part, fed.fraction, fractions) for part in (fed.mass, fed.mass * inside, np.ones_like(fed.mass))]
         drawn = drawn + _shifted(answer, product, *lots)
     drawn = np.clip(drawn, 0.0, 1.0)
     bands = [middle(drawn[..., i], float(share[i])) for i in range(count)]
     cut, ep, why = _cut(at, share, drawn, by)
     imperfection = None if ep is None or cut is None or not cut.value else ep / cut.value
-    ends = {"low": [one.low for one in bands], "high": [one.high for one in bands]}
+    ends = {"low": [band.low for band in bands], "high": [band.high for band in bands]}
     table = {"at": at, "mass": mass, "share": share, **ends}
     numbers = {key: tuple(map(float, values)) for key, values in table.items()}
     return PartitionCurve(
@@ -149,30 +149,30 @@ def _shifted(answer: Bins, product: tuple[str, ...], mass: Array, landed: Array,
     """
     from scipy.special import expit, logit
 
-    every = frozenset({INPUTS, *(one.name for one in answer.joint.sources)}) - {SAMPLING}
-    places = [answer.names.index(one) for one in product]
+    every = frozenset({INPUTS, *(source.name for source in answer.joint.sources)}) - {SAMPLING}
+    places = [answer.names.index(place) for place in product]
     change = (answer.tables(every) - answer.value)[..., places].sum(axis=-1)
-    found = np.zeros((*change.shape[:2], len(mass)))
+    moved = np.zeros((*change.shape[:2], len(mass)))
     for number in range(mass.shape[1]):
         n, fed = count[:, number], mass[:, number]
         part = (np.divide(landed[:, number], fed, out=np.zeros_like(fed), where=fed > 0.0) * n + 0.5) / (n + 1.0)
         mean = expit(logit(part) + SHIFTS[:, None]) @ fed / fed.sum()
         shift = np.interp(part @ fed / fed.sum() + change[..., number], mean, SHIFTS)
-        found += (expit(logit(part) + shift[..., None]) - part) * fed / mass.sum(axis=1)
-    return found
+        moved += (expit(logit(part) + shift[..., None]) - part) * fed / mass.sum(axis=1)
+    return moved
 
 
 def _cut(at: Array, share: Array, drawn: Array, by: str) -> tuple[Number | None, float | None, str]:
     """The cut with its interval, Ep, and why there is no cut or how far apart its neighbours are, of a curve at the
     values ``at`` (k,) with the draws (copies, DRAWS, k) of its shares (k,).
     """
-    found = _passes(at, share, 0.5)
-    if len(found) != 1:
+    passes = _passes(at, share, 0.5)
+    if len(passes) != 1:
         level = "less" if float(share.max()) < 0.5 else "more" if float(share.min()) > 0.5 else ""
-        return None, None, f"{level} than a half of every class" if level else f"passes a half {len(found)} times"
-    cut = _drawn_cut(at, share, drawn, found[0])
+        return None, None, f"{level} than a half of every class" if level else f"passes a half {len(passes)} times"
+    cut = _drawn_cut(at, share, drawn, passes[0])
     quarters = [_passes(at, share, level) for level in (0.25, 0.75)]
-    ep = 0.5 * abs(quarters[1][0] - quarters[0][0]) if all(len(one) == 1 for one in quarters) else None
+    ep = 0.5 * abs(quarters[1][0] - quarters[0][0]) if all(len(passed) == 1 for passed in quarters) else None
     turn = int(np.flatnonzero((share[1:] >= 0.5) != (share[:-1] >= 0.5))[0])
     apart = at[turn + 1] > GAP * at[turn]
     scale, unit = (1e3, "mm") if by == "size" else (1.0, "m/s")

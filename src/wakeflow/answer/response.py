@@ -81,8 +81,8 @@ class Process:
         """``outputs`` (R, O) of the flown draws as they are expected (n, O) at ``at`` (n, K), and the variance (n,)
         that is left there, in units of the outputs' own.
         """
-        own, kernel = (at**2) @ self.weight + self.steady, self.kernel(at)
-        gain, prior = kernel @ self.inverse, self.size * (own + self.bend * own**2 + self.wave)
+        line, kernel = (at**2) @ self.weight + self.steady, self.kernel(at)
+        gain, prior = kernel @ self.inverse, self.size * (line + self.bend * line**2 + self.wave)
         return gain @ outputs, np.clip(prior - np.einsum("nr,nr->n", gain, kernel), 0.0, None)
 
 
@@ -91,11 +91,11 @@ Judge = Callable[[Array, Array, Array], float]
 
 def _kernel(a: Array, b: Array, weight: Array, bend: float, wave: float, steady: float) -> Array:
     line = (a * weight) @ b.T + steady
-    found = line + bend * line**2
+    kernel = line + bend * line**2
     if wave:
         apart = ((a**2) @ weight)[:, None] + (b**2) @ weight - 2.0 * (line - steady)
-        found += wave * np.exp(-0.5 * np.clip(apart, 0.0, None) / REACH**2)
-    return np.asarray(found)
+        kernel += wave * np.exp(-0.5 * np.clip(apart, 0.0, None) / REACH**2)
+    return np.asarray(kernel)
 
 
 def likelihood(inverse: Array, spread: Array, outputs: Array) -> float:
@@ -103,8 +103,8 @@ def likelihood(inverse: Array, spread: Array, outputs: Array) -> float:
     the eigenvalues ``spread`` (R,): the logarithm, for the scale that suits best, no smaller than the noise lets it.
     """
     scatter = float(np.einsum("ro,rs,so->", outputs, inverse, outputs)) / len(outputs)
-    own = max(scatter, KNOWN)
-    return float(-0.5 * len(outputs) * (np.log(own) + scatter / own) - 0.5 * np.log(spread).sum())
+    scale = max(scatter, KNOWN)
+    return float(-0.5 * len(outputs) * (np.log(scale) + scatter / scale) - 0.5 * np.log(spread).sum())
 
 
 def left_out(inverse: Array, spread: Array, outputs: Array) -> float:
@@ -154,9 +154,9 @@ def weights_of(z: Array, outputs: Array) -> Array:
         unit = 1.0 / np.maximum((z**2).sum(axis=0), 1.0)
         slopes, scatter = unit[:, None] * (z.T @ (outputs - outputs.mean(axis=0))), outputs.var(axis=0)
     noise = unit[:, None] * scatter
-    found = np.clip(slopes**2 - noise, 0.0, None).sum(axis=1) + 0.1 * noise.sum(axis=1)
-    total = float(found.sum())
-    return found / total if total > 0.0 else np.full(many, 1.0 / max(1, many))
+    weights = np.clip(slopes**2 - noise, 0.0, None).sum(axis=1) + 0.1 * noise.sum(axis=1)
+    total = float(weights.sum())
+    return weights / total if total > 0.0 else np.full(many, 1.0 / max(1, many))
 
 
 # -- the displacement along a side -------------------------------------------------------------------------------------
@@ -195,53 +195,53 @@ def _between(values: Array, place: Array, knots: Array) -> Array:
     return np.asarray(low * (1.0 - part) + high * part)
 
 
-def displaced(z: Array, own: Array, then: Array, here: NDArray[np.bool_]) -> Displacement | None:
-    """How granules that land at ``own`` (R, M) in the answer and at ``then`` (R, M) in draws at ``z`` (R, K) are moved,
-    of those that land on the side in both (``here``); None where they are too few or all in one place.
+def displaced(z: Array, landed: Array, then: Array, here: NDArray[np.bool_]) -> Displacement | None:
+    """How granules that ``landed`` at places (R, M) in the answer and land at ``then`` (R, M) in draws at ``z`` (R, K)
+    are moved, of those that land on the side in both (``here``); None where they are too few or all in one place.
     """
-    if here.sum() < 2 * len(z) or np.ptp(own[here]) <= 0.0:
+    if here.sum() < 2 * len(z) or np.ptp(landed[here]) <= 0.0:
         return None
-    knots = _knots(own[here])
-    moved, kept = np.where(here, then - own, 0.0), here
+    knots = _knots(landed[here])
+    moved, kept = np.where(here, then - landed, 0.0), here
     usual = USUAL * float(np.median(np.abs(moved[here])))
     for _ in range(ROUNDS):
-        fitted, _ = _fitted(own, moved, kept, knots)
-        beyond = moved - _between(fitted, own, knots)
+        fitted, _ = _fitted(landed, moved, kept, knots)
+        beyond = moved - _between(fitted, landed, knots)
         scale = USUAL * float(np.median(np.abs(beyond[here])))
         fits = here & (np.abs(moved) <= SCATTERED * usual + 1e-9)
         fits &= np.abs(beyond) <= OFF * scale + LEAST_JUMP * usual + 1e-9
         kept = fits if fits.sum() > FEWEST * here.sum() else here
-    fitted, noise = _fitted(own, moved, kept, knots)
+    fitted, noise = _fitted(landed, moved, kept, knots)
     going = process(z, fitted, noise, weights_of(z, fitted), by=left_out)
-    beyond = moved - _between(going.kernel(z) @ (going.inverse @ fitted), own, knots)
+    beyond = moved - _between(going.kernel(z) @ (going.inverse @ fitted), landed, knots)
     without = fitted - going.inverse @ fitted / np.diag(going.inverse)[:, None]
     return Displacement(knots, fitted, without, going, kept, beyond)
 
 
-def _knots(own: Array) -> Array:
-    """Places of knots: as many granules between each two, of those at ``own`` (n,), and both ends of wide gaps."""
-    places = np.sort(own)
+def _knots(landed: Array) -> Array:
+    """Places of knots: as many granules between each two, of those that ``landed`` (n,), and both ends of wide gaps."""
+    places = np.sort(landed)
     wide = np.flatnonzero(np.diff(places) > GAP * (places[-1] - places[0]))
     return np.unique([*np.quantile(places, np.linspace(0.0, 1.0, KNOTS)), *places[wide], *places[wide + 1]])
 
 
-def _fitted(own: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> tuple[Array, Array]:
+def _fitted(landed: Array, moved: Array, kept: NDArray[np.bool_], knots: Array) -> tuple[Array, Array]:
     """The displacement (R, J) at the knots that fits each draw's granules best, and the variance (R,) of all knots
     together that these granules' scatter about it makes.
     """
-    before, part = _hats(own, knots)
-    hats = np.zeros((*own.shape, len(knots)))
+    before, part = _hats(landed, knots)
+    hats = np.zeros((*landed.shape, len(knots)))
     np.put_along_axis(hats, before[..., None], (1.0 - part)[..., None], axis=2)
     np.put_along_axis(hats, before[..., None] + 1, part[..., None], axis=2)
     hats *= kept[..., None]
-    together = np.histogram(own[kept], knots)[0] > 2  # more than both ends of a gap
+    together = np.histogram(landed[kept], knots)[0] > 2  # more than both ends of a gap
     steps = np.diff(np.eye(len(knots)), axis=0)[together]
     matrix = np.einsum("rmj,rmk->rjk", hats, hats) + SMOOTH * steps.T @ steps + 1e-6 * np.eye(len(knots))
     inverse = np.linalg.inv(matrix)
-    found = np.einsum("rjk,rmk,rm->rj", inverse, hats, moved, optimize=True)
-    beyond = np.where(kept, moved - _between(found, own, knots), 0.0)
+    fitted = np.einsum("rjk,rmk,rm->rj", inverse, hats, moved, optimize=True)
+    beyond = np.where(kept, moved - _between(fitted, landed, knots), 0.0)
     scatter = (beyond**2).sum() / max(1, int(kept.sum()))
-    return found, scatter * np.trace(inverse, axis1=1, axis2=2) + 1e-18
+    return fitted, scatter * np.trace(inverse, axis1=1, axis2=2) + 1e-18
 
 
 # -- the response of a fraction's landings -----------------------------------------------------------------------------
@@ -275,21 +275,21 @@ class Response:
         label = bins if by_bin else np.arange(self.cells.count)
         each = np.eye(self.usual.size if by_bin else self.cells.count)
         rest, doubt = self.rest.predicted(z, self.beyond @ each[label])
-        found, before = np.zeros(rest.shape), self.before @ each[label]
+        change, before = np.zeros(rest.shape), self.before @ each[label]
         nearest, every = _apart(z, self.z, self.weight).argmin(axis=1), len(self._places.cell)
-        for side, (own, hats, cell) in self._scatter.items():
+        for side, (scattered, hats, cell) in self._scatter.items():
             edges = list(self.cells.edges.values())[side]
             along = label[self.cells.first[list(self.cells.edges)[side]] + np.arange(len(edges) - 1)]
             ends = np.flatnonzero(np.diff(along)) + 1
             inside, shifts = each[along[np.r_[0, ends]]], self.sides[side].at(z)
-            found -= np.bincount(label[cell], minlength=len(each)) / every
+            change -= np.bincount(label[cell], minlength=len(each)) / every
             for rows in np.array_split(np.arange(len(z)), 1 + len(z) * len(cell) // LOT):
-                place = shifts[rows] @ hats + own[nearest[rows]]
+                place = shifts[rows] @ hats + scattered[nearest[rows]]
                 number = np.searchsorted(edges[ends], place.ravel(), side="right").reshape(place.shape)
-                found[rows] += _shares(number, len(inside)) @ inside * (len(cell) / every)
-        shares = found + before if by_bin else (found + before) @ self.cells.parts()
+                change[rows] += _shares(number, len(inside)) @ inside * (len(cell) / every)
+        shares = change + before if by_bin else (change + before) @ self.cells.parts()
         able = less_at_ends(shares, self.usual)
-        return found + rest * (able if by_bin else able[:, bins]), np.sqrt(doubt + self.unexplained)
+        return change + rest * (able if by_bin else able[:, bins]), np.sqrt(doubt + self.unexplained)
 
     @cached_property
     def before(self) -> Array:
@@ -311,23 +311,23 @@ class Response:
         displacement counts for (J, G), and their cells (G,). The same choice for every draw, so that the cells change
         with z alone.
         """
-        places, found = self._places, {}
+        places, scatter = self._places, {}
         neighbours = _nearest(self.z, self.z, self.weight, self.nearest)
         near = [(like, np.random.default_rng(SEED)) for like in neighbours]
-        for side, one in self.sides.items():
+        for side, fit in self.sides.items():
             here = places.side == side
             at = places.place[here]
-            own = at + [_scattered(at, self.own, one, like, 1, chance)[0] for like, chance in near]
+            scattered = at + [_scattered(at, self.own, fit, like, 1, chance)[0] for like, chance in near]
             if len(at):
-                found[side] = own, _between(np.eye(len(one.knots)), at, one.knots), places.cell[here]
-        return found
+                scatter[side] = scattered, _between(np.eye(len(fit.knots)), at, fit.knots), places.cell[here]
+        return scatter
 
 
 def _scattered(
-    at: Array, own: Places, one: Displacement, like: Whole, count: int, chance: np.random.Generator
+    at: Array, landed: Places, fit: Displacement, like: Whole, count: int, chance: np.random.Generator
 ) -> Array:
     """What granules near ``at`` (G,) were moved beyond the fit, chosen (count, G) among those of the draws ``like``."""
-    place, beyond = own.place[like][one.kept[like]], one.beyond[like][one.kept[like]]
+    place, beyond = landed.place[like][fit.kept[like]], fit.beyond[like][fit.kept[like]]
     if not len(place):
         return np.zeros((count, len(at)))
     order = np.argsort(place)
@@ -335,9 +335,9 @@ def _scattered(
     return np.asarray(beyond[order][np.clip(near, 0, len(place) - 1)])
 
 
-def _some(own: Places) -> Places:
+def _some(places: Places) -> Places:
     """At most MOST_MOVED of all granules, evenly taken along the sides."""
-    side, place, cell = (one.ravel() for one in own)
+    side, place, cell = (values.ravel() for values in places)
     order, every = np.lexsort((place, cell)), cell.size
     few = min(every, MOST_MOVED)
     rows = order[((np.arange(few) + 0.5) * every / few).astype(int)]
@@ -347,8 +347,8 @@ def _some(own: Places) -> Places:
 def _shares(cell: Whole, count: int) -> Array:
     """The share (n, count) of every cell among the granules' (n, G)."""
     rows = np.arange(len(cell))[:, None] * count
-    found = np.bincount((cell + rows).ravel(), minlength=len(cell) * count).reshape(len(cell), count)
-    return np.asarray(found / cell.shape[1])
+    counts = np.bincount((cell + rows).ravel(), minlength=len(cell) * count).reshape(len(cell), count)
+    return np.asarray(counts / cell.shape[1])
 
 
 def _nearest(a: Array, b: Array, weight: Array, count: int) -> Whole:
@@ -361,21 +361,21 @@ def _apart(a: Array, b: Array, weight: Array) -> Array:
     return np.asarray(((a**2) @ weight)[:, None] + (b**2) @ weight - 2.0 * (a * weight) @ b.T)
 
 
-def response(cells: LandingCells, z: Array, own: Places, then: Places) -> Response:
-    """The response of granules that land at ``own`` in the answer and at ``then`` in draws at ``z`` (R, K)."""
+def response(cells: LandingCells, z: Array, landed: Places, then: Places) -> Response:
+    """The response of granules that ``landed`` in the answer and land at ``then`` in draws at ``z`` (R, K)."""
     z = np.clip(z, -FARTHEST, FARTHEST)
     sides = {}
-    for side in np.unique(own.side[own.side >= 0]):
-        found = displaced(z, own.place, then.place, (own.side == side) & (then.side == side))
-        if found is not None:
-            sides[int(side)] = found
-    weight = np.mean([one.going.weight for one in sides.values()], axis=0) if sides else np.zeros(z.shape[1])
-    tried = [_predicted(cells, z, own, then, sides, _nearest(z, z, weight, count + 1)) for count in NEAREST]
+    for side in np.unique(landed.side[landed.side >= 0]):
+        displacement = displaced(z, landed.place, then.place, (landed.side == side) & (then.side == side))
+        if displacement is not None:
+            sides[int(side)] = displacement
+    weight = np.mean([fit.going.weight for fit in sides.values()], axis=0) if sides else np.zeros(z.shape[1])
+    tried = [_predicted(cells, z, landed, then, sides, _nearest(z, z, weight, count + 1)) for count in NEAREST]
     missed = [float((beyond.cumsum(axis=1) ** 2).sum()) for beyond, _ in tried]  # wherever a bin may end
     best = int(np.argmin(missed))
     beyond, each = tried[best]
     outputs = beyond @ cells.parts()
-    noise = each.var(axis=1).sum(axis=1) / own.cell.shape[1]
+    noise = each.var(axis=1).sum(axis=1) / landed.cell.shape[1]
     noise = np.full(len(z), float(noise.mean()) + 1e-12)  # a draw's own is large where it shows something
     rest = process(z, outputs, noise, weights_of(z, outputs), STEADY)
     squares, certain = (_off(rest, outputs) ** 2).sum(axis=1), np.diag(rest.inverse)
@@ -386,7 +386,7 @@ def response(cells: LandingCells, z: Array, own: Places, then: Places) -> Respon
     shares = _shares(then.cell, cells.count) @ cells.parts() - outputs
     usual = np.clip(shares * (1.0 - shares), 0.0, None).mean(axis=0)
     off = _off(rest, outputs)
-    return Response(cells, z, own, sides, beyond, rest, unexplained, off, usual, weight, NEAREST[best])
+    return Response(cells, z, landed, sides, beyond, rest, unexplained, off, usual, weight, NEAREST[best])
 
 
 def _off(rest: Process, outputs: Array) -> Array:
@@ -397,21 +397,21 @@ def _off(rest: Process, outputs: Array) -> Array:
 
 
 def _predicted(
-    cells: LandingCells, z: Array, own: Places, then: Places, sides: Mapping[int, Displacement], neighbours: Whole
+    cells: LandingCells, z: Array, landed: Places, then: Places, sides: Mapping[int, Displacement], neighbours: Whole
 ) -> tuple[Array, Array]:
     """What every flown draw has (R, cells) beyond what all others predict of it, its granules scattering as those of
     its ``neighbours`` (R, n), itself the first; and the same of each granule by bin (R, M, bins + 1).
     """
     bins = cells.parts().argmax(axis=1)
     many = cells.parts().shape[1]
-    beyond, each = np.zeros((len(z), cells.count)), np.zeros((*own.cell.shape, many))
+    beyond, each = np.zeros((len(z), cells.count)), np.zeros((*landed.cell.shape, many))
     for draw in range(len(z)):
         like, chance = neighbours[draw][neighbours[draw] != draw], np.random.default_rng(SEED)
-        moved_to = np.repeat(own.cell[draw : draw + 1], REPEATS, axis=0)
-        for side, one in sides.items():
-            here = own.side[draw] == side
-            at = own.place[draw, here]
-            moved = at + _between(one.without[draw], at, one.knots) + _scattered(at, own, one, like, REPEATS, chance)
+        moved_to = np.repeat(landed.cell[draw : draw + 1], REPEATS, axis=0)
+        for side, fit in sides.items():
+            here = landed.side[draw] == side
+            at = landed.place[draw, here]
+            moved = at + _between(fit.without[draw], at, fit.knots) + _scattered(at, landed, fit, like, REPEATS, chance)
             moved_to[:, here] = cells.at(np.full(moved.shape, side), moved, np.zeros_like(moved, dtype=np.int64))
         beyond[draw] = _shares(then.cell[draw : draw + 1], cells.count)[0] - _shares(moved_to, cells.count).mean(axis=0)
         each[draw] = _inside(bins[then.cell[draw]], many) - _inside(bins[moved_to], many).mean(axis=0)

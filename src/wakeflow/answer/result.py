@@ -157,12 +157,12 @@ class Result(WithShares):
             if table.get("schema") != SCHEMA:
                 raise SceneError(f"{Path(folder) / FILE} is of another version of wakeflow; {_cure(folder)}")
             for name, kind in FLAT.items():
-                inside = {one.key: table.pop(one.key) for one in columns(kind) if one.key in table}
+                inside = {head.key: table.pop(head.key) for head in columns(kind) if head.key in table}
                 table |= {name: inside or None}
-        found = replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
-        if wrong := next(mistakes_in(found), None):
+        result = replace(from_json(cls, table, str(Path(folder) / FILE)), folder=Path(folder))
+        if wrong := next(mistakes_in(result), None):
             raise SceneError(f"{Path(folder) / FILE}: {wrong}; {_cure(folder)}")
-        return found
+        return result
 
     def to_json(self) -> JsonTable:
         """What result.json holds."""
@@ -230,7 +230,7 @@ class Result(WithShares):
             kind, _, rest = key.partition(".")
             name, _, end = rest.rpartition(".")
             if kind != "bin" or end not in ENDS or name not in ends:
-                known = [f"bin.{one}.{side}" for one in ends for side in ENDS]
+                known = [f"bin.{bin_}.{side}" for bin_ in ends for side in ENDS]
                 raise SceneError(f"moved: {key!r} is no end of a bin on a side of this run{did_you_mean(key, known)}")
             low, high = ends[name]
             place = _length(key, value)
@@ -248,13 +248,13 @@ class Result(WithShares):
         A pandas DataFrame where pandas is installed, else a dict of numpy arrays. Raises SceneError where the run ended
         before the shares.
         """
-        rows = [(name, place, one) for name, places in self._shares.fractions.items() for place, one in places.items()]
+        rows = [(name, *share) for name, places in self._shares.fractions.items() for share in places.items()]
         return frame_of({
             "fraction": np.array([name for name, _, _ in rows], dtype=object),
             "bin": np.array([place for _, place, _ in rows], dtype=object),
-            "share": np.array([one.value for _, _, one in rows]),
-            "low": np.array([one.low for _, _, one in rows]),
-            "high": np.array([one.high for _, _, one in rows]),
+            "share": np.array([number.value for _, _, number in rows]),
+            "low": np.array([number.low for _, _, number in rows]),
+            "high": np.array([number.high for _, _, number in rows]),
             "target": np.array([place in self.targets(name) for name, place, _ in rows]),
         })  # fmt: skip
 
@@ -309,7 +309,7 @@ class Result(WithShares):
         if self.void:
             return f"<Result {self.folder}: {VOID}>"
         recovery = self.landings.separation.recovery
-        parts = ", ".join(f"{name} {percent(one)} %" for name, one in recovery.items() if one is not None)
+        parts = ", ".join(f"{name} {percent(number)} %" for name, number in recovery.items() if number is not None)
         flaw = f"; {self.caveat}" if self.caveat else ""
         return f"<Result {self.folder}: recovery {parts or 'of nothing: no fraction has a target'}{flaw}>"
 
@@ -366,10 +366,10 @@ def _read(folder: Path | str) -> JsonTable:
         raise SceneError(f"{problem}; {_cure(folder)}") from None
     try:
         check_tables(table, str(path), MAX_RECORD)
-        noted, found = table.pop(CHECKSUM, None), content_key(table)
+        noted, checksum = table.pop(CHECKSUM, None), content_key(table)
     except (SceneError, AttributeError, TypeError, ValueError):  # deep, no table, a number beyond all numbers
         raise SceneError(f"{path} is damaged; {_cure(folder)}") from None
-    if noted not in (None, found):  # results of earlier versions have none
+    if noted not in (None, checksum):  # results of earlier versions have none
         raise SceneError(f"{path} is damaged: its checksum is another; {_cure(folder)}")
     return table
 
@@ -464,11 +464,11 @@ def mistakes_in(result: Result) -> Iterator[str]:
 def _in_scene(scene: JsonMapping) -> Iterator[str]:
     """Fractions that are no tables, and targets that name no bins."""
     fractions = scene.get("fraction")
-    if not isinstance(fractions, Mapping) or not all(isinstance(one, Mapping) for one in fractions.values()):
+    if not isinstance(fractions, Mapping) or not all(isinstance(fraction, Mapping) for fraction in fractions.values()):
         yield "scene.fraction is no table of fractions"
         return
-    for name, one in fractions.items():
-        target = one.get("target") or []
+    for name, fraction in fractions.items():
+        target = fraction.get("target") or []
         if not isinstance(target, str | list | tuple) or not all(isinstance(place, str) for place in target):
             yield f"scene.fraction.{name}.target names no bins"
 
@@ -499,15 +499,15 @@ def _in_numbers(value: object, place: str) -> Iterator[str]:
         if not value.low - slack <= value.value <= value.high + slack:  # of NaN neither
             yield f"{place} = {value.value:.6g} is outside of its interval, {value.low:.6g} to {value.high:.6g}"
     elif isinstance(value, Mapping):
-        for key, one in value.items():
-            yield from _in_numbers(one, f"{place}.{key}".removeprefix("."))
+        for key, member in value.items():
+            yield from _in_numbers(member, f"{place}.{key}".removeprefix("."))
     elif isinstance(value, tuple | list):
-        for number, one in enumerate(value, 1):
-            if not isinstance(one, float | int | str):
-                yield from _in_numbers(one, f"{place}[{number}]")
+        for number, member in enumerate(value, 1):
+            if not isinstance(member, float | int | str):
+                yield from _in_numbers(member, f"{place}[{number}]")
     elif is_dataclass(value):
-        for one in fields(value):
-            yield from _in_numbers(getattr(value, one.name), f"{place}.{one.name}".removeprefix("."))
+        for member in fields(value):
+            yield from _in_numbers(getattr(value, member.name), f"{place}.{member.name}".removeprefix("."))
 
 
 def _in_shares(part: Separation, name: str) -> Iterator[str]:
@@ -520,10 +520,10 @@ def _in_shares(part: Separation, name: str) -> Iterator[str]:
         total = sum(share.value for share in places.values())
         if abs(total - 1.0) > ROUNDED:
             yield f"{name}.fractions.{fraction}: its shares sum to {total:.6g}, not to 1"
-    pure = ((place, one) for place, row in part.purity.items() for one in (row or {}).values())
-    for key, found in (*part.recovery.items(), *part.loss.items(), *part.dirt.items(), *pure):
-        if found is not None and not -ROUNDED <= found.value <= 1.0 + ROUNDED:
-            yield f"{name}: {found.value:.6g} of {key} is no share, 0 to 1"
+    pure = ((place, purity) for place, row in part.purity.items() for purity in (row or {}).values())
+    for key, number in (*part.recovery.items(), *part.loss.items(), *part.dirt.items(), *pure):
+        if number is not None and not -ROUNDED <= number.value <= 1.0 + ROUNDED:
+            yield f"{name}: {number.value:.6g} of {key} is no share, 0 to 1"
     for place, rate in part.throughput.items():
         if not 0.0 <= rate < math.inf:
             yield f"{name}.throughput.{place} = {rate:.6g} is no rate"

@@ -59,63 +59,64 @@ def quantities_of(result: Result) -> tuple[TableQuantity, ...]:
     run time of all stages when they were computed.
     """
     errors = {row.quantity: row.total.error for row in result.budget if row.total.error is not None}
-    found: list[TableQuantity] = []
+    quantities: list[TableQuantity] = []
     if result.landings is not None:
-        for one in columns(type(result.landings)):
-            part = getattr(result.landings, one.name)
+        for head in columns(type(result.landings)):
+            part = getattr(result.landings, head.name)
             if isinstance(part, Separation):
-                found += _inside(part, "" if one.name == "separation" else f"{one.key}.", errors)
+                quantities += _inside(part, "" if head.name == "separation" else f"{head.key}.", errors)
         if result.landings.joint is not None:
-            found = [_throughput(result, one) if one.name.startswith(THROUGHPUT) else one for one in found]
+            quantities = [_throughput(result, row) if row.name.startswith(THROUGHPUT) else row for row in quantities]
     if result.airflow is not None:
-        found += _measured(result.airflow, "airflow.")
+        quantities += _measured(result.airflow, "airflow.")
     if result.funnel is not None:
-        found += _measured(result.funnel, "funnel.")
+        quantities += _measured(result.funnel, "funnel.")
     spent = sum(stage.seconds for stage in result.seconds.values())
-    return (*found, TableQuantity(spent, name=SECONDS, unit="s"))
+    return (*quantities, TableQuantity(spent, name=SECONDS, unit="s"))
 
 
-def _throughput(result: Result, one: TableQuantity) -> TableQuantity:
+def _throughput(result: Result, quantity: TableQuantity) -> TableQuantity:
     """A throughput (kg/h) with its interval: that of the part of the whole feed."""
-    own, of = result.joint.own, result.joint.own.of_name(one.name)
+    bins, of = result.joint.own, result.joint.own.of_name(quantity.name)
     if of is None:
-        return one
-    found = own.number(of, bounds=(0.0, HOUR * result.joint.flow))
-    return replace(one, low=found.low, high=found.high)
+        return quantity
+    interval = bins.number(of, bounds=(0.0, HOUR * result.joint.flow))
+    return replace(quantity, low=interval.low, high=interval.high)
 
 
 def names_for(scene: Scene) -> list[str]:
     """Every name that :func:`quantities_of` may give to a number of a scene's results, whatever its rung."""
-    bins, aimed = [*scene.with_top().bin, RESERVED_BIN], [name for name, one in scene.fraction.items() if one.targets]
+    bins = [*scene.with_top().bin, RESERVED_BIN]
+    aimed = [name for name, fraction in scene.fraction.items() if fraction.targets]
     landed = [
         *(f"{RENAMED['fractions']}.{fraction}.{place}" for fraction in scene.fraction for place in bins),
         *(f"purity.{place}.{fraction}" for place in bins for fraction in scene.fraction),
         *(f"{kind}.{name}" for kind in ("recovery", "loss", "lost") for name in aimed),
         *(f"dirt.{place}" for place in scene.products),
         *(f"{THROUGHPUT}{place}" for place in bins),
-        *(f"money.{one.key}" for one in columns(Money) if scene.price.given),
+        *(f"money.{head.key}" for head in columns(Money) if scene.price.given),
     ]
-    found = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
+    names = [*landed, *(f"without_collisions.{name}" for name in landed), SECONDS]
     for prefix, kind, given in (("airflow", Airflow, scene.air), ("funnel", FunnelSummary, scene.funnel)):
         if given is not None:
-            numbers = [one for one in columns(kind) if {Number, float} & {one.kind, *get_args(one.kind)}]
-            found += [f"{prefix}.{one.key}" for one in numbers]
-    return found
+            numbers = [head for head in columns(kind) if {Number, float} & {head.kind, *get_args(head.kind)}]
+            names += [f"{prefix}.{head.key}" for head in numbers]
+    return names
 
 
 def _inside(record: object, prefix: str, errors: Mapping[str, float]) -> Iterator[TableQuantity]:
-    for one in columns(type(record)):
-        name = prefix + RENAMED.get(one.key, one.key)
-        yield from _numbers(getattr(record, one.name), name, one.unit, errors)
+    for head in columns(type(record)):
+        name = prefix + RENAMED.get(head.key, head.key)
+        yield from _numbers(getattr(record, head.name), name, head.unit, errors)
 
 
 def _measured(record: object, prefix: str) -> Iterator[TableQuantity]:
     """The numbers of a record, not those of records inside it, which say how it was computed."""
-    for one in columns(type(record)):
-        value = getattr(record, one.name)
+    for head in columns(type(record)):
+        value = getattr(record, head.name)
         number = value.value if isinstance(value, Number) else value
         if isinstance(number, float) and not math.isnan(number):
-            yield from _numbers(value, prefix + one.key, one.unit, {})
+            yield from _numbers(value, prefix + head.key, head.unit, {})
 
 
 def _numbers(value: object, name: str, unit: str, errors: Mapping[str, float]) -> Iterator[TableQuantity]:
@@ -169,7 +170,7 @@ class Entry:
     @cached_property
     def by_name(self) -> dict[str, TableQuantity]:
         """The numbers by their names."""
-        return {one.name: one for one in self.quantities}
+        return {quantity.name: quantity for quantity in self.quantities}
 
 
 @dataclass(frozen=True)
@@ -194,13 +195,13 @@ class ResultTable:
     def read_in(self, units: Mapping[str, str]) -> ResultTable:
         """The table with its inputs in the units that people read, {"kg/s": "kg/h"}, of those that are numbers."""
         said = {key: unit for key, unit in self.inputs.items()
-                if unit in units and all(_plain(one.inputs.get(key, 0.0)) for one in self.entries)}  # fmt: skip
+                if unit in units and all(_plain(entry.inputs.get(key, 0.0)) for entry in self.entries)}  # fmt: skip
 
         def shown(key: str, value: Any) -> Any:  # without what converting does to the last digits
             return float(f"{converted(value, said[key], units[said[key]]):.{DIGITS}g}") if key in said else value
 
-        entries = [replace(one, inputs={key: shown(key, value) for key, value in one.inputs.items()})
-                   for one in self.entries]  # fmt: skip
+        entries = [replace(entry, inputs={key: shown(key, value) for key, value in entry.inputs.items()})
+                   for entry in self.entries]  # fmt: skip
         return replace(self, entries=entries, units={**self.units, **{key: units[said[key]] for key in said}})
 
     @cached_property
@@ -211,7 +212,7 @@ class ResultTable:
     @cached_property
     def names(self) -> dict[str, str]:
         """The numbers that any scene has, and their units."""
-        return {one.name: one.unit for entry in self.entries for one in entry.quantities}
+        return {quantity.name: quantity.unit for entry in self.entries for quantity in entry.quantities}
 
     @cached_property
     def done(self) -> tuple[Entry, ...]:
@@ -231,9 +232,9 @@ class ResultTable:
     def _is_idle(self, key: str) -> bool:
         first: dict[str, Entry] = {}  # of those that differ in the key alone
         others = [{name: value for name, value in entry.inputs.items() if name != key} for entry in self.done]
-        alike = [first.setdefault(repr(other), entry) for other, entry in zip(others, self.done, strict=True)]
-        pairs = [(one, entry) for one, entry in zip(alike, self.done, strict=True) if one is not entry]
-        return bool(pairs) and all(one.quantities == entry.quantities for one, entry in pairs)
+        alike = [first.setdefault(repr(inputs), entry) for inputs, entry in zip(others, self.done, strict=True)]
+        pairs = [(earlier, entry) for earlier, entry in zip(alike, self.done, strict=True) if earlier is not entry]
+        return bool(pairs) and all(earlier.quantities == entry.quantities for earlier, entry in pairs)
 
     def tidy(self) -> CellTable:
         """A row for each number of each scene, one without numbers for a scene that has none; an input's unit is
@@ -255,9 +256,9 @@ class ResultTable:
             columns[head] = [_cell(entry.inputs.get(key)) for entry in self.entries]
         for name in self.names:
             cells = [entry.by_name.get(name) for entry in self.entries]
-            columns[name] = [None if one is None else one.value for one in cells]
+            columns[name] = [None if quantity is None else quantity.value for quantity in cells]
             for place, end in enumerate(("low", "high")):
-                ends: list[Cell] = [None if one is None else one.ends[place] for one in cells]
+                ends: list[Cell] = [None if quantity is None else quantity.ends[place] for quantity in cells]
                 if any(value is not None for value in ends):
                     columns[f"{name}.{end}"] = ends
         columns["reason"] = [entry.reason or None for entry in self.entries]
@@ -327,28 +328,28 @@ class Difference(Number):
 def differences_of(entries: Sequence[Entry]) -> Iterator[Difference]:
     """Differences of every later entry from the first, quantity by quantity."""
     for entry in entries[1:]:
-        found = (difference_of(entries[0], entry, one.name) for one in entry.quantities)
-        yield from (one for one in found if one is not None)
+        differences = (difference_of(entries[0], entry, quantity.name) for quantity in entry.quantities)
+        yield from (row for row in differences if row is not None)
 
 
 def difference_of(first: Entry, entry: Entry, name: str) -> Difference | None:
     """The number called ``name`` of an entry less that of the ``first``; None where either has none."""
-    base, one = first.by_name.get(name), entry.by_name.get(name)
-    if base is None or one is None:
+    base, quantity = first.by_name.get(name), entry.by_name.get(name)
+    if base is None or quantity is None:
         return None
-    return Difference(*_difference(first, entry, base, one), scene=entry.name, against=first.name, quantity=name,
-                      unit=one.unit, void=VOID in (first.reason, entry.reason))  # fmt: skip
+    return Difference(*_difference(first, entry, base, quantity), scene=entry.name, against=first.name, quantity=name,
+                      unit=quantity.unit, void=VOID in (first.reason, entry.reason))  # fmt: skip
 
 
-def _difference(first: Entry, entry: Entry, base: TableQuantity, one: TableQuantity) -> Number:
-    value = one.value - base.value
+def _difference(first: Entry, entry: Entry, base: TableQuantity, new: TableQuantity) -> Number:
+    value = new.value - base.value
     if first.joint is not None and entry.joint is not None:
-        found = difference(entry.joint.own, first.joint.own, one.name)
-        if found is not None:
-            return Number(value, min(found.low, value), max(found.high, value))
-    if not (base.known and one.known):
+        interval = difference(entry.joint.own, first.joint.own, new.name)
+        if interval is not None:
+            return Number(value, min(interval.low, value), max(interval.high, value))
+    if not (base.known and new.known):
         return Number(value)
     below, above = (math.hypot(*arms) for arms in (
-        (one.value - one.low, base.high - base.value), (one.high - one.value, base.value - base.low)))  # fmt: skip
-    part = is_part(one.name)  # parts of a whole differ by no more than one
+        (new.value - new.low, base.high - base.value), (new.high - new.value, base.value - base.low)))  # fmt: skip
+    part = is_part(new.name)  # parts of a whole differ by no more than one
     return Number(value, max(value - below, -1.0 if part else -math.inf), min(value + above, 1.0 if part else math.inf))

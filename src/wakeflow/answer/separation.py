@@ -26,7 +26,7 @@ LOTS = 64  # of draws among which one is looked for that keeps an order
 
 def acting(unknowns: Sequence[Unknown], fraction: str) -> list[int]:
     """The places of the unknowns that act on a fraction."""
-    return [i for i, one in enumerate(unknowns) if one.fraction in ("", fraction)]
+    return [i for i, unknown in enumerate(unknowns) if unknown.fraction in ("", fraction)]
 
 
 def responses(scene: Scene, draws: InputSamples, cells: LandingCells | None = None) -> dict[str, Response]:
@@ -34,13 +34,13 @@ def responses(scene: Scene, draws: InputSamples, cells: LandingCells | None = No
     without one.
     """
     if cells is None:
-        landed = [one for lot in (draws.own, draws.varied) for one in lot.values()]
-        cells = LandingCells.of(scene, len(scene.fraction), [(one.position, one.bin) for one in landed])
-    found = {}
+        landed = [landing for lot in (draws.own, draws.varied) for landing in lot.values()]
+        cells = LandingCells.of(scene, len(scene.fraction), [(landing.position, landing.bin) for landing in landed])
+    by_fraction = {}
     for name in draws.varied:
-        own, then = (_places(cells, scene, landed[name]) for landed in (draws.own, draws.varied))
-        found[name] = response(cells, draws.z[:, acting(draws.unknowns, name)], own, then)
-    return found
+        before, then = (_places(cells, scene, landed[name]) for landed in (draws.own, draws.varied))
+        by_fraction[name] = response(cells, draws.z[:, acting(draws.unknowns, name)], before, then)
+    return by_fraction
 
 
 def _places(cells: LandingCells, scene: Scene, landed: DrawnLandings) -> Places:
@@ -52,7 +52,7 @@ def draws_of(unknowns: Sequence[Unknown], ties: Dependence) -> Array:
     """Every input (DRAWS, keys) in standard deviations, as they move together. A draw that breaks an order is drawn
     anew; where hardly any keeps them, one that does takes its place.
     """
-    keys = [one.key for one in unknowns]
+    keys = [unknown.key for unknown in unknowns]
     z = ties.joined(columns(keys))
     kept = ties.kept(z)
     for lot in range(1, LOTS):
@@ -91,12 +91,12 @@ def changed(scene: Scene, unknowns: Sequence[Unknown], ties: Dependence, how: Ma
 
     z = draws_of(unknowns, ties).astype(np.float32).astype(float)  # as they are kept in the run's folder
     effects = {}
-    for name, one in how.items():
-        change, doubt = change_of(scene, unknowns, name, one, z)
-        before = 0.5 * (one.before + one.before[one.cells.mirrored(scene.images)]) if scene.images else one.before
-        flown = (ndtr(column(f"{LACK} {name}")) * len(one.off)).astype(int)  # as one of these is off, so is a draw
-        effects[name] = FractionChange(change, before, doubt[:, None] * one.off[flown])
-    return Changed(tuple(one.key for one in unknowns), z, next(iter(how.values())).cells, effects)
+    for name, fit in how.items():
+        change, doubt = change_of(scene, unknowns, name, fit, z)
+        before = 0.5 * (fit.before + fit.before[fit.cells.mirrored(scene.images)]) if scene.images else fit.before
+        flown = (ndtr(column(f"{LACK} {name}")) * len(fit.off)).astype(int)  # as one of these is off, so is a draw
+        effects[name] = FractionChange(change, before, doubt[:, None] * fit.off[flown])
+    return Changed(tuple(unknown.key for unknown in unknowns), z, next(iter(how.values())).cells, effects)
 
 
 def change_of(
@@ -129,7 +129,7 @@ def joint_answer(
     fraction; ``sources``: of error beside; ``salt``: of this run alone.
     """
     names, feed = list(landings), scene.mass_shares()
-    lots = [(one.position, one.bin) for one in landings.values()]
+    lots = [(landing.position, landing.bin) for landing in landings.values()]
     cells = LandingCells.of(scene, len(names), lots) if inputs is None else inputs.cells
     targets = {name: tuple(scene.fraction[name].targets) for name in names}
     base, parts = _base(scene, cells, landings), cells.parts()
@@ -139,8 +139,8 @@ def joint_answer(
     for number, name in enumerate(names if drawn else ()):
         effect = drawn[name]
         if not factors:  # the answer's granules, of which the draws have a part
-            off, own = base[number] - effect.before, base[number] @ parts
-            able = less_at_ends((effect.before + effect.change) @ parts, own * (1.0 - own))[:, parts.argmax(axis=1)]
+            off, usual = base[number] - effect.before, base[number] @ parts
+            able = less_at_ends((effect.before + effect.change) @ parts, usual * (1.0 - usual))[:, parts.argmax(axis=1)]
             change[:, number], lack[:, number] = effect.change + (able - 1.0) * off, np.float32(effect.lack)
         else:
             change[:, number], lack[:, number] = factors[name] * effect.change, np.float32(factors[name] * effect.lack)
@@ -158,7 +158,7 @@ def _base(scene: Scene, cells: LandingCells, landings: Mapping[str, Landings]) -
     kept.
     """
     shares, parts = shares_in(scene, landings), cells.parts()
-    found = np.zeros((len(landings), cells.count))
+    base = np.zeros((len(landings), cells.count))
     for number, (name, landing) in enumerate(landings.items()):
         side, place = cells.along(scene, landing.position, landing.bin)
         cell = cells.at(side, place, cells.off_sides(landing.bin))
@@ -168,8 +168,8 @@ def _base(scene: Scene, cells: LandingCells, landings: Mapping[str, Landings]) -
         inside = mass @ parts
         even = parts / np.maximum(parts.sum(axis=0), 1e-300)
         within = np.where(inside > 0.0, mass[:, None] * parts / np.where(inside > 0.0, inside, 1.0), even)
-        found[number] = within @ shares[name]
-    return found
+        base[number] = within @ shares[name]
+    return base
 
 
 def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:

@@ -58,10 +58,10 @@ def collisions_of(plan: CollisionPlan, collisions: SlabFound) -> CollisionSummar
         depth=collisions.depth,
         replicates=collisions.replicates,
         start_up=collisions.start_up,
-        granules={name: len(found.bin) for name, found in landings.items()},
+        granules={name: len(landing.bin) for name, landing in landings.items()},
         tracers=dict(plan.tracers),
-        meetings={name: float(known(found.meetings) @ found.mass_shares) for name, found in landings.items()},
-        fates={name: fates_of(found.fate) for name, found in landings.items()},
+        meetings={name: float(known(landing.meetings) @ landing.mass_shares) for name, landing in landings.items()},
+        fates={name: fates_of(landing.fate) for name, landing in landings.items()},
         step=collisions.clock.step,
         step_error=collisions.clock.step_error,
         step_asked=collisions.clock.asked,
@@ -196,9 +196,9 @@ class WithShares:
         return self._of_target(self._shares.loss, fraction)
 
     def _of_target(self, numbers: Mapping[str, Number | None], fraction: str) -> Number:
-        if (found := _known("fraction", numbers, fraction)) is None:
+        if (number := _known("fraction", numbers, fraction)) is None:
             raise SceneError(f"{fraction} has no target to be recovered in: give fraction.{fraction}.target, a bin")
-        return found
+        return number
 
     def dirt(self, place: str) -> Number:
         """Share of a bin's mass that is of fractions whose target it is not.
@@ -206,9 +206,9 @@ class WithShares:
         Raises SceneError for a bin that there is not, naming the nearest, for one that is nobody's target or empty, and
         where there are no shares.
         """
-        if (found := _known("bin", self._shares.dirt, place)) is None:
+        if (number := _known("bin", self._shares.dirt, place)) is None:
             raise SceneError(f"no dirt in {place}: it is no fraction's target, or nothing lands there")
-        return found
+        return number
 
     def purity(self, place: str, fraction: str) -> Number:
         """Share of a bin's mass that is of a fraction.
@@ -323,9 +323,9 @@ class InputSummary(Number):
     why: str = column("", "what the interval rests on")
 
     @classmethod
-    def of(cls, one: Unknown) -> Self:
+    def of(cls, unknown: Unknown) -> Self:
         """An unknown with its interval."""
-        return cls(one.value, *one.ends, unit=one.unit, why=one.why)
+        return cls(unknown.value, *unknown.ends, unit=unknown.unit, why=unknown.why)
 
 
 @dataclass(frozen=True)
@@ -434,7 +434,7 @@ def weightiest(parts: Mapping[str, InputPart]) -> list[tuple[str, InputPart]]:
 def least_certain(landings: LandingResults) -> dict[str, tuple[str, dict[str, InputPart]]]:
     """The bin, by fraction, whose share the unknown numbers move most, and what each of them does, largest first."""
     return {
-        name: max(places.items(), key=lambda one: sum(part.half**2 for part in one[1].values()))
+        name: max(places.items(), key=lambda item: sum(part.half**2 for part in item[1].values()))
         for name, places in landings.measure_next.items()
         if places
     }

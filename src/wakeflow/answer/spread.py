@@ -72,10 +72,10 @@ class Tally(NamedTuple):
     @classmethod
     def of_bins(cls, landing: Landings, bins: int, cycles: int, images: Sequence[int] = ()) -> list[Tally]:
         """The tally of every bin, with that of its image where there are ``images``, and of what landed elsewhere."""
-        found = landing.count_by_bin(bins, cycles)
-        realisation = np.zeros(len(found), dtype=np.int64)
+        counts = landing.count_by_bin(bins, cycles)
+        realisation = np.zeros(len(counts), dtype=np.int64)
         realisation[landing.replicate] = landing.realisation
-        hits = np.ascontiguousarray(np.swapaxes(found, 0, 1)).astype(float)
+        hits = np.ascontiguousarray(np.swapaxes(counts, 0, 1)).astype(float)
         return [cls(inside, hits.sum(axis=0), realisation) for inside in mirrored_mean(hits.T, images).T]
 
     @property
@@ -149,10 +149,10 @@ def share_interval(samples: Array, count: int, spread: Spread = BY_SAMPLES) -> N
     replicates = len(samples)
     if np.ptp(samples) == 0.0 and value in (0.0, 1.0):
         return Number(value, *wilson(round(value * count), count))
-    found = spread
+    chosen = spread
     if spread is BY_SAMPLES:
-        found = spread_of(samples[:, None] - value, np.zeros(replicates, dtype=np.int64), 0.0)
-    half = found._replace(sampling=max(found.sampling, 0.5 * replicates / count)).together
+        chosen = spread_of(samples[:, None] - value, np.zeros(replicates, dtype=np.int64), 0.0)
+    half = chosen._replace(sampling=max(chosen.sampling, 0.5 * replicates / count)).together
     return Number(value, max(0.0, value - half), min(1.0, value + half))
 
 
@@ -160,11 +160,11 @@ def share_spreads(landing: Landings, bins: int, images: Sequence[int] = ()) -> l
     """The two parts of the interval of a fraction's share in every bin, and elsewhere: each as far as the interval
     reaches to its longer side, which of an empty bin is the only one.
     """
-    found = []
+    spreads = []
     for tally in Tally.of_bins(landing, bins, cycles_of([landing]), images):
         alone = share_interval(tally.samples, round(landing.size), tally.spread._replace(airflow=0.0))
-        found.append(Spread(max(alone.high - alone.value, alone.value - alone.low), tally.spread.airflow))
-    return found
+        spreads.append(Spread(max(alone.high - alone.value, alone.value - alone.low), tally.spread.airflow))
+    return spreads
 
 
 def upper_limit(count: int, total: int) -> float:
@@ -186,15 +186,15 @@ def sample_errors(landings: Mapping[str, Landings], bins: int, images: Sequence[
     replicates differ, of cycles as these do, which move all bins and all fractions at once.
     """
     cycles = cycles_of(landings.values())
-    tallies = [tally for one in landings.values() for tally in Tally.of_bins(one, bins, cycles, images)]
-    spreads = [one for landing in landings.values() for one in share_spreads(landing, bins, images)]
+    tallies = [tally for landing in landings.values() for tally in Tally.of_bins(landing, bins, cycles, images)]
+    spreads = [spread for landing in landings.values() for spread in share_spreads(landing, bins, images)]
     every = np.stack([tally.deviations for tally in tallies])  # (shares, replicates, cycles)
     seen = _seen(every, tallies[0].realisation, np.array([tally.chance for tally in tallies]))
-    found = []
+    errors = []
     for which, root in zip(Spread._fields, seen, strict=True):
-        wanted = np.array([getattr(one, which) for one in spreads]) / SIGMAS
-        found.append(_as_seen(root, wanted).reshape(len(landings), bins + 1, -1))
-    return SampleErrors(*found)
+        wanted = np.array([getattr(spread, which) for spread in spreads]) / SIGMAS
+        errors.append(_as_seen(root, wanted).reshape(len(landings), bins + 1, -1))
+    return SampleErrors(*errors)
 
 
 def _seen(deviations: Array, realisation: NDArray[np.int64], chance: Array) -> tuple[Array, Array]:
@@ -213,7 +213,7 @@ def _seen(deviations: Array, realisation: NDArray[np.int64], chance: Array) -> t
         return of_rows * rows, np.zeros((shares, 1))
     rest = [b - b.mean(axis=1, keepdims=True) - b.mean(axis=2, keepdims=True) + m[:, :, None]
             for b, m in zip(blocks, middle, strict=True)]  # fmt: skip
-    cells = np.concatenate([one.reshape(shares, -1) for one in rest], axis=1)
+    cells = np.concatenate([residual.reshape(shares, -1) for residual in rest], axis=1)
     by_row = cycles * (rows @ rows.T / free if free else np.diag(chance))
     by_cell = cells @ cells.T / (free * (cycles - 1)) if free and cycles > 1 else by_row
     noise = ((fields - 1) * by_row + fields * (cycles - 1) * by_cell) / ((clusters - 1) * replicates / fields)
@@ -237,6 +237,6 @@ def shares_in(scene: Scene, landings: Mapping[str, Landings]) -> dict[str, Array
     """The share of every fraction in every bin and elsewhere (bins + 1,)."""
     cycles = cycles_of(landings.values())
     return {
-        name: np.array([tally.share for tally in Tally.of_bins(one, len(scene.bin), cycles, scene.images or ())])
-        for name, one in landings.items()
+        name: np.array([tally.share for tally in Tally.of_bins(landing, len(scene.bin), cycles, scene.images or ())])
+        for name, landing in landings.items()
     }

@@ -109,8 +109,8 @@ class Agreement:
 
     def cells(self) -> CellTable:
         """A row a tray, as the CSV file has it: shares from 0 to 1."""
-        return CellTable(HEADS, [(one.fraction, one.bin, *one.measured, *one.computed, one.used, one.pull)
-                                 for one in self.trays])  # fmt: skip
+        return CellTable(HEADS, [(tray.fraction, tray.bin, *tray.measured, *tray.computed, tray.used, tray.pull)
+                                 for tray in self.trays])  # fmt: skip
 
 
 def weights_in(joint: JointAnswer, measured: Measured) -> Array:
@@ -139,10 +139,10 @@ def agreement_of(joint: JointAnswer, measured: Measured, missed: Array | None = 
     pulls = np.divide(inverse @ off, np.sqrt(alone), out=np.zeros_like(off), where=alone > 0.0)
     trays, least = [], np.inf
     for row, (place, share) in enumerate(zip(measured.places, measured.numbers(), strict=True)):
-        own = joint.own.number(of_tray(weights[row]))
-        both = hypot(own.half, SIGMAS * sqrt(float(measured.covariance[row, row])))
-        away = abs(share.value - own.value)
-        trays.append(ComparedTray(*place, share, own, away / both if both > 0.0 else 0.0, float(pulls[row])))
+        computed = joint.own.number(of_tray(weights[row]))
+        both = hypot(computed.half, SIGMAS * sqrt(float(measured.covariance[row, row])))
+        away = abs(share.value - computed.value)
+        trays.append(ComparedTray(*place, share, computed, away / both if both > 0.0 else 0.0, float(pulls[row])))
         least = min(least, both)
     return Agreement(tuple(trays), square, freedom, chance, float(least))
 
@@ -207,10 +207,10 @@ def _deciding(result: Result, name: str, value: Number | None, most: float) -> s
         return f"the size of {', '.join(result.lacking)}, which the interval lacks: {cures}"
     if value.numerical is not None and value.value - value.numerical <= most < value.value + value.numerical:
         return f"finer computing, which alone leaves +- {100 * value.numerical:.2g} points (--target-error)"
-    own = result.joint.own
-    of = own.of_name(name)
-    bought = [] if of is None else purchases(result, name, value, own.effects(of))
-    for one in bought:
-        if Standing.of(one.number.low, one.number.high, most) is not OPEN:
-            return f"measuring {measured_words(one)}"
+    bins = result.joint.own
+    of = bins.of_name(name)
+    bought = [] if of is None else purchases(result, name, value, bins.effects(of))
+    for purchase in bought:
+        if Standing.of(purchase.number.low, purchase.number.high, most) is not OPEN:
+            return f"measuring {measured_words(purchase)}"
     return f"no measurement alone; first {measured_words(bought[0])}" if bought else "no single measurement"

@@ -69,9 +69,9 @@ def gain_by_replicates(parts: Parts, groups: int) -> float:
     falls = student(2 * groups - 1) / student(groups - 1) / math.sqrt(2.0)
     gains = []
     for places in parts.values():
-        every = [one for found in places.values() for one in found]
-        sampled = math.hypot(*(one.size for one in every if one.source == SAMPLING))
-        others = math.hypot(*(one.size for one in every if one.source != SAMPLING))
+        every = [part for of_bin in places.values() for part in of_bin]
+        sampled = math.hypot(*(part.size for part in every if part.source == SAMPLING))
+        others = math.hypot(*(part.size for part in every if part.source != SAMPLING))
         now = math.hypot(sampled, others)
         gains.append(1.0 - math.hypot(falls * sampled, others) / now if now else 0.0)
     return sum(gains) / len(gains)
@@ -93,9 +93,9 @@ def make_budget(flights: Flights) -> tuple[JointAnswer, tuple[BudgetRow, ...]]:
     joint, parts, results = _with_errors(flights)
     spent = sum(stage.seconds for stage in flights.pipeline.seconds.values())
     rows = [
-        BudgetRow(f"share.{name}.{place}", None, found, total_of(joint.own.share(name, place), found, spent))
+        BudgetRow(f"share.{name}.{place}", None, of_bin, total_of(joint.own.share(name, place), of_bin, spent))
         for name, places in parts.items()
-        for place, found in places.items()
+        for place, of_bin in places.items()
     ]
     return joint, (*rows, *map(_landing_row, results.values()))
 
@@ -118,7 +118,7 @@ def _prices(pipeline: Pipeline) -> Prices | None:
     scene, price = pipeline.scene, pipeline.scene.price
     if not price.given:
         return None
-    values = price.by_bin({name: tuple(one.targets) for name, one in scene.fraction.items()})
+    values = price.by_bin({name: tuple(fraction.targets) for name, fraction in scene.fraction.items()})
     if price.electricity is None:
         return Prices(values, None, None)
     air = None if scene.air is None else pipeline.airflow
@@ -136,8 +136,8 @@ def _results(flights: Flights, joint: JointAnswer) -> dict[str, FractionResults]
 
 def _parts(fraction: FractionResults) -> _OfBins:
     """The parts of every bin: where nothing landed, what was left out or not computed could still have brought some."""
-    found = [source.shares(fraction) for source in in_order()]
-    return {place: tuple(part for parts in found for part in parts.get(place, ())) for place in fraction.shares}
+    by_source = [source.shares(fraction) for source in in_order()]
+    return {place: tuple(part for parts in by_source for part in parts.get(place, ())) for place in fraction.shares}
 
 
 def _landing_row(fraction: FractionResults) -> BudgetRow:
@@ -174,8 +174,8 @@ def total_notices(rows: Sequence[BudgetRow], target: float) -> list[Notice]:
 # -- The total of a row ------------------------------------------------------------------------------------------------
 def remedies(names: Iterable[str]) -> list[str]:
     """What to give or to run where the sizes of these sources' errors are not known, each once."""
-    found = dict.fromkeys(budget_sources[name].if_unknown for name in names if name in budget_sources)
-    return [one for one in found if one]
+    cures = dict.fromkeys(budget_sources[name].if_unknown for name in names if name in budget_sources)
+    return [cure for cure in cures if cure]
 
 
 def numerical(parts: Iterable[BudgetPart]) -> float:
@@ -194,14 +194,14 @@ def _beyond_computing(name: str) -> bool:
 def in_ensemble(joint: JointAnswer, parts: Parts, results: Mapping[str, FractionResults]) -> JointAnswer:
     """The ensemble with a column for each source of the ``parts``, of the fractions whose ``results`` are there."""
     columns: list[Column] = []
-    every = [part for places in parts.values() for found in places.values() for part in found]
+    every = [part for places in parts.values() for of_bin in places.values() for part in of_bin]
     bounds = {part.source: part.kind in BOUNDS for part in every if part.error is not None and part.source != INPUTS}
     for name, bounded in bounds.items():
         source = budget_sources[name] if not bounded and name in budget_sources else None
-        known = () if source is None else source.column([results[one] for one in joint.fractions])
+        known = () if source is None else source.column([results[fraction] for fraction in joint.fractions])
         if not known:
-            halves = ([_half(name, found) for found in parts[one].values()] for one in joint.fractions)
-            tied = np.stack([tied_root(np.array(one)) for one in halves])
+            halves = ([_half(name, of_bin) for of_bin in parts[fraction].values()] for fraction in joint.fractions)
+            tied = np.stack([tied_root(np.array(of_fraction)) for of_fraction in halves])
             known = [Column(name, tied, computing=not bounded and not _beyond_computing(name), bounded=bounded)]
         columns += known
     return replace(joint, sources=(*joint.sources, *columns))
@@ -209,8 +209,8 @@ def in_ensemble(joint: JointAnswer, parts: Parts, results: Mapping[str, Fraction
 
 def _half(name: str, parts: Sequence[BudgetPart]) -> float:
     """Half of a 95 % interval that a source's parts are worth among others."""
-    return math.hypot(*(one.size * (SIGMAS / math.sqrt(3.0) if one.kind in BOUNDS else 1.0)
-                        for one in parts if one.source == name))  # fmt: skip
+    return math.hypot(*(part.size * (SIGMAS / math.sqrt(3.0) if part.kind in BOUNDS else 1.0)
+                        for part in parts if part.source == name))  # fmt: skip
 
 
 def total_of(number: Number, parts: Sequence[BudgetPart], seconds: float) -> BudgetTotal:

@@ -51,7 +51,7 @@ class Comparison(Generic[Key]):
         names = list(next(iter(self.shares.values())))
         return {
             name: {
-                place: {str(which): float(found[name][:, i].mean()) for which, found in self.shares.items()}
+                place: {str(which): float(shares[name][:, i].mean()) for which, shares in self.shares.items()}
                 for i, place in enumerate([*bins, RESERVED_BIN])
             }
             for name in names
@@ -61,8 +61,8 @@ class Comparison(Generic[Key]):
 def compared(landing: Landings) -> Landings:
     """The landings of the replicates that fly in comparisons."""
     kept = landing.replicate < COMPARED
-    own = {name: values[kept] for name, values in vars(landing).items() if values is not None and name != "table"}
-    return replace(landing, **own, table=None if landing.table is None else landing.table[:COMPARED])
+    arrays = {name: values[kept] for name, values in vars(landing).items() if values is not None and name != "table"}
+    return replace(landing, **arrays, table=None if landing.table is None else landing.table[:COMPARED])
 
 
 def shares_of(pipeline: Pipeline, tracked: Tracked) -> Shares:
@@ -74,8 +74,8 @@ def shares_of(pipeline: Pipeline, tracked: Tracked) -> Shares:
 
 def differences(comparison: Comparison[Key], name: str, place: int) -> Iterator[tuple[Key, float]]:
     """How far each other wake's or grid's share of a fraction in bin number ``place`` lies from the answer's own."""
-    *others, (_, own) = comparison.shares.items()
-    here = own[name][:, place].mean()
+    *others, (_, reference) = comparison.shares.items()
+    here = reference[name][:, place].mean()
     for which, shares in others:
         yield which, float(shares[name][:, place].mean() - here)
 
@@ -91,7 +91,7 @@ MAX_FACTOR = 3.0  # largest factor, and one over the least
 def free_ends(scene: Scene) -> BinEnds:
     """The ends (m) of every bin over which granules can pass, and for ``elsewhere`` the ends that no two bins share."""
     ends: BinEnds = {
-        place: [(round(x, DIGITS), round(y, DIGITS)) for x, y in one.passed(scene)] for place, one in scene.bin.items()
+        name: [(round(x, DIGITS), round(y, DIGITS)) for x, y in bin_.passed(scene)] for name, bin_ in scene.bin.items()
     }
     every = list(points_of(ends, repeated=True))
     ends[RESERVED_BIN] = [point for point in dict.fromkeys(every) if every.count(point) == 1]
@@ -100,7 +100,7 @@ def free_ends(scene: Scene) -> BinEnds:
 
 def points_of(ends: BinEnds, *, repeated: bool = False) -> Iterator[tuple[float, float]]:
     """All ends, those that bins share once, or ``repeated`` as often as they are shared."""
-    points = [point for found in ends.values() for point in found]
+    points = [point for of_bin in ends.values() for point in of_bin]
     yield from points if repeated else dict.fromkeys(points)
 
 
@@ -123,7 +123,7 @@ class AmongOthers:
         if not self._ends:
             return 1.0
         few = ADDED_GRANULES / self.alone[name].size
-        alone, met = (self._near(found[name]) + few for found in (self.alone, self.met))
+        alone, met = (self._near(landings[name]) + few for landings in (self.alone, self.met))
         return float(np.clip(met / alone, 1.0 / MAX_FACTOR, MAX_FACTOR))
 
     def _near(self, landing: Landings) -> float:

@@ -44,17 +44,17 @@ class UnknownInputs(Source["InputSamples"]):
     def shares(self, fraction: FractionResults) -> Parts:
         if not fraction.flights.of(self):
             return {}
-        found, seconds = {}, self.seconds(fraction)
+        parts, seconds = {}, self.seconds(fraction)
         for bin_ in fraction.shares:
             of = fraction.answer.of_share(fraction.name, [bin_])
             over, effects = fraction.answer.number(of), fraction.answer.effects(of, fraction.name)
-            causes = ", ".join(f"{key} {one.points}" for key, one in weightiest(effects))
+            causes = ", ".join(f"{key} {effect.points}" for key, effect in weightiest(effects))
             note = f"depends most on (points each) {causes}" if causes else ""
             if note and fraction.flights.slab:
                 note += f"; {fraction.flights.factors[fraction.name]:.2g} times what they move of granules alone"
             low, high = over.low - over.value, over.high - over.value
-            found[bin_] = [replace(self.part(max(-low, high), seconds, note), low=low, high=high)]
-        return found
+            parts[bin_] = [replace(self.part(max(-low, high), seconds, note), low=low, high=high)]
+        return parts
 
 
 UNKNOWN = add(UnknownInputs())
@@ -73,18 +73,18 @@ class LeftOutTerms(Source[None]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         pipeline, flights = fraction.pipeline, fraction.flights
-        found = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
+        by_bin = truncation_terms(pipeline.scene, pipeline.plan, fraction.name, fraction.landings)
         if VIBRATION in pipeline.plan.force:
-            return found
+            return by_bin
         answer = fraction.answer
         speed = tuple(unknown for unknown in flights.draws.unknowns if unknown.key == AIR_SPEED)
-        for place, parts in found.items():
+        for place, parts in by_bin.items():
             if any(part.source == VIBRATION for part in parts):
                 of = answer.of_share(fraction.name, [place])
                 effects = answer.effects(of, fraction.name) if speed else {}
                 effect = effects.get(AIR_SPEED, NO_EFFECT)
-                found[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
-        return found
+                by_bin[place] = [swung(pipeline.scene, pipeline.plan, part, effect, speed) for part in parts]
+        return by_bin
 
 
 def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> dict[str, list[BudgetPart]]:
@@ -93,8 +93,8 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
     Without a body the whole floor and top are bins and no end is near; there a term that could matter counts by its
     bound, as for granules spread over one channel width.
     """
-    asked = scene.feed.rate > 0.0  # without one the question is that of single granules
-    rows = [row for row in plan.left_out if row.fraction == name and (asked or row.name != COLLISIONS)]
+    has_rate = scene.feed.rate > 0.0  # without one the question is that of single granules
+    rows = [row for row in plan.left_out if row.fraction == name and (has_rate or row.name != COLLISIONS)]
     ends = free_ends(scene)
     parts: dict[str, list[BudgetPart]] = {place: [] for place in [*scene.bin, RESERVED_BIN]}
     bounds = [(row, row.bound) for row in rows if np.isfinite(row.bound)]
@@ -103,18 +103,18 @@ def truncation_terms(scene: Scene, plan: Plan, name: str, landing: Landings) -> 
     limit = plan.fractions[name].limit
     distance = {point: np.linalg.norm(landing.position - point, axis=1) / scene.width for point in points_of(ends)}
     number = {place: index for index, place in enumerate(scene.bin)} | {RESERVED_BIN: -1}
-    places, own = list(parts), range(len(parts))
-    for i, found in enumerate(parts.values()):
-        pair = [places[i], places[(scene.images or own)[i]]]  # the bin and its image: once each, or itself twice
-        away = np.concatenate([_nearest([distance[point] for point in ends[one]], landing) for one in pair])
-        inside = np.concatenate([landing.bin == number[one] for one in pair])
+    places, indices = list(parts), range(len(parts))
+    for i, of_bin in enumerate(parts.values()):
+        pair = [places[i], places[(scene.images or indices)[i]]]  # the bin and its image: once each, or itself twice
+        away = np.concatenate([_nearest([distance[point] for point in ends[bin_]], landing) for bin_ in pair])
+        inside = np.concatenate([landing.bin == number[bin_] for bin_ in pair])
         weight = 0.5 * np.tile(np.ones(len(landing.bin)) if landing.weight is None else landing.weight, 2)
         for row, bound in bounds:
             error, kind = most_crossing(away, inside, bound, weight), LEFT_OUT if bound <= limit else NOT_COMPUTED
             if kind == NOT_COMPUTED and not scene.body:  # it may turn back a granule on its way to either end
                 error = max(error, min(1.0, bound))
             note = f"all that lands within {bound:.2g} {scene.unit} of the bin's ends on one side of them"
-            found.append(BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note))
+            of_bin.append(BudgetPart(row.name, error, 0.0, CALIBRATED, kind, note=note))
     return parts
 
 

@@ -206,28 +206,28 @@ class Mesh(Source[Comparison[Grid]]):
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[Comparison[Grid]]:
         """The shares in the airflow on every grid of the plan; nothing where the plan has one."""
-        own, *others = pipeline.grids
+        main, *others = pipeline.grids
         if not others:
             return ()
         flown = {_grid(other): other.run(ON_ANOTHER_GRID) for other in others}
         seconds = sum(other.spent(stage) for other in others for stage in ("airflow", "tracks"))
-        flown[_grid(own)] = tracked
+        flown[_grid(main)] = tracked
         names, bins, images = list(tracked.landings), len(pipeline.scene.bin), pipeline.scene.images
         shares = {
-            grid: {name: found.landings[name].counts(bins, images) for name in names} for grid, found in flown.items()
+            grid: {name: tracks.landings[name].counts(bins, images) for name in names} for grid, tracks in flown.items()
         }
         noise = {
             grid: {
-                name: difference_noise(tracked.landings[name], found.landings[name], bins, images or ())
+                name: difference_noise(tracked.landings[name], tracks.landings[name], bins, images or ())
                 for name in names
             }
-            for grid, found in flown.items()
-            if found is not tracked
+            for grid, tracks in flown.items()
+            if tracks is not tracked
         }
         return [Comparison(shares, seconds, noise)]
 
     def ahead(self, pipeline: Pipeline) -> Sequence[Callable[[], object]]:
-        return [partial(other.run, ON_ANOTHER_GRID) for other in pipeline.grids[1:]]
+        return [partial(grid.run, ON_ANOTHER_GRID) for grid in pipeline.grids[1:]]
 
     def shares(self, fraction: FractionResults) -> Parts:
         for flown in fraction.flights.of(self):
@@ -240,18 +240,18 @@ class Mesh(Source[Comparison[Grid]]):
         if now.mesh_scale is None or then.mesh_scale is None:
             return error
         granules, sheddings = part.of_granules or 0.0, part.of_sheddings or 0.0
-        own = sqrt(max(0.0, error**2 - granules**2 - sheddings**2))
+        of_mesh = sqrt(max(0.0, error**2 - granules**2 - sheddings**2))
         less = min(1.0, error / (hypot(granules, sheddings) or error or 1.0))  # noise expected, not found
         return hypot(
-            own * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER,
+            of_mesh * (then.mesh_scale / now.mesh_scale) ** MESH_ORDER,
             less * granules * (now.granules / then.granules) ** RATE,  # grids are compared by granules alone
             less * sheddings * averaged(now, then),
         )
 
     def _part(self, flown: Comparison[Grid], name: str, number: int) -> BudgetPart:
-        found, (granules, sheddings) = mesh_error(flown, name, number)
-        half = max(found.high - found.value, found.value - found.low)
-        part = replace(self.part(half, flown.seconds, found.why), of_granules=float(granules))
+        share, (granules, sheddings) = mesh_error(flown, name, number)
+        half = max(share.high - share.value, share.value - share.low)
+        part = replace(self.part(half, flown.seconds, share.why), of_granules=float(granules))
         return replace(part, of_sheddings=float(sheddings)) if sheddings else part
 
 
@@ -259,7 +259,7 @@ def _grid(pipeline: Pipeline) -> Grid:
     return Grid(pipeline.air.grid, pipeline.airflow.cells)
 
 
-def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence[int] = ()) -> Array:
+def difference_noise(first: Landings, second: Landings, bins: int, images: Sequence[int] = ()) -> Array:
     """Halves of the 95 % intervals (2, bins + 1) of what each share differs by between two flights of the same
     granules: of the granules, and of the sheddings.
 
@@ -269,12 +269,12 @@ def difference_noise(own: Landings, other: Landings, bins: int, images: Sequence
     there are ``images``, are reached by different granules: the variance of their mean is half of their mean one.
     """
     places = np.array([*range(bins), -1])[:, None]
-    here, there, size = own.bin == places, other.bin == places, len(own.bin) + 2
+    here, there, size = first.bin == places, second.bin == places, len(first.bin) + 2
     into, out_of = (np.sum(moved, axis=1) + 1.0 for moved in (there & ~here, here & ~there))
     variance = (into + out_of - (into - out_of) ** 2 / size) / size**2
     if images:
         variance = np.where(np.arange(bins + 1) == images, 1.0, 0.5) * mirrored_mean(variance, images)
-    sheddings = (shedding_noise(landing, bins, images) for landing in (own, other))
+    sheddings = (shedding_noise(landing, bins, images) for landing in (first, second))
     reached = here.any(axis=1) | there.any(axis=1)  # what nobody reaches has a limit of its own: the sampling's
     return np.asarray(reached * np.stack([SIGMAS * np.sqrt(variance), np.hypot(*sheddings)]))
 
@@ -293,9 +293,9 @@ def mesh_error(comparison: Comparison[Grid], name: str, place: int) -> tuple[Gri
     halves = [comparison.noise.get(grid) for grid in comparison.shares]
     noise = np.array([[0.0, 0.0] if half is None else half[name][:, place] for half in halves])
     both = np.hypot(*noise.T)
-    found = estimate([grid.cells**-0.5 for grid in comparison.shares], values, both.tolist())
+    share = estimate([grid.cells**-0.5 for grid in comparison.shares], values, both.tolist())
     most = int(np.argmax(both))
-    return found, found.noise * noise[most] / (both[most] or 1.0)
+    return share, share.noise * noise[most] / (both[most] or 1.0)
 
 
 def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...]:
@@ -305,14 +305,14 @@ def airflow_on_grids(pipeline: Pipeline) -> tuple[GridStudy, ...]:
     """
     if len(pipeline.plan.airflow.scales) < 2:
         return ()
-    found = [_computed(other.airflow) for other in pipeline.grids]
-    cells = tuple(row.cells for row in found)
-    drag, base = [row.cd for row in found], [row.cp_base for row in found]
-    lengths = [row.suction.reversal_length for row in found]
-    noise = [at * one.half / one.value for at, one in zip(lengths, drag, strict=True)]
+    airflows = [_computed(grid.airflow) for grid in pipeline.grids]
+    cells = tuple(row.cells for row in airflows)
+    drag, base = [row.cd for row in airflows], [row.cp_base for row in airflows]
+    lengths = [row.suction.reversal_length for row in airflows]
+    noise = [at * number.half / number.value for at, number in zip(lengths, drag, strict=True)]
     return (
-        _study("cd", cells, [one.value for one in drag], [one.half for one in drag]),
-        _study("cp_base", cells, [one.value for one in base], [one.half for one in base]),
+        _study("cd", cells, [number.value for number in drag], [number.half for number in drag]),
+        _study("cp_base", cells, [number.value for number in base], [number.half for number in base]),
         _study("reversal_length", cells, lengths, noise),
     )
 
@@ -326,8 +326,8 @@ def _computed(row: Airflow) -> Airflow:
 
 
 def _study(quantity: str, cells: tuple[int, ...], values: list[float], halves: list[float]) -> GridStudy:
-    found = estimate([count**-0.5 for count in cells], values, halves)
-    return GridStudy(**vars(found), quantity=quantity, cells=cells, values=tuple(values))
+    estimated = estimate([count**-0.5 for count in cells], values, halves)
+    return GridStudy(**vars(estimated), quantity=quantity, cells=cells, values=tuple(values))
 
 
 add(Mesh())

@@ -75,12 +75,12 @@ class AirflowModel(Source[Comparison[Wake]]):
             return self.unless_known(fraction)
         if fraction.pipeline.plan.airflow.wake:
             return {}
-        (wakes,), found = fraction.flights.of(self), {}
+        (wakes,), parts = fraction.flights.of(self), {}
         for number, bin_ in enumerate(fraction.shares):
-            which, moved = max(differences(wakes, fraction.name, number), key=lambda one: abs(one[1]))
+            which, moved = max(differences(wakes, fraction.name, number), key=lambda pair: abs(pair[1]))
             note = f"farthest: {which} ({100 * moved:+.2g} points)"
-            found[bin_] = [self.part(abs(moved), wakes.seconds, note)]
-        return found
+            parts[bin_] = [self.part(abs(moved), wakes.seconds, note)]
+        return parts
 
 
 def _in_wake(wake: Wake, *numbers: float) -> PerturbedRerun:
@@ -105,7 +105,7 @@ class PassesOfLoading(Source[None]):
     if_large = "lower feed.rate"
 
     def shares(self, fraction: FractionResults) -> Parts:
-        loading, found = fraction.pipeline.loading, {}
+        loading, parts = fraction.pipeline.loading, {}
         if loading is None:
             return {}
         effects = loading_effects(loading, list(fraction.shares))[fraction.name]
@@ -115,8 +115,8 @@ class PassesOfLoading(Source[None]):
                 f"in the steady airflow the force moves the share by {100 * moved:+.2g} points, its last pass by "
                 f"{100 * last:+.2g}; of the force {100 * loading.sampling:.2g} % are not known"
             )
-            found[bin_] = [self.part(hypot(last, loading.sampling * moved), note=note)]
-        return found
+            parts[bin_] = [self.part(hypot(last, loading.sampling * moved), note=note)]
+        return parts
 
 
 # -- The third dimension -----------------------------------------------------------------------------------------------
@@ -139,7 +139,7 @@ def in_three_dimensions(scene: Scene, plan: Plan) -> dict[str, dict[str, Number]
     and where the wake is no best estimate.
     """
     return {
-        name: {place: Number(0.5 * sum(one["share"]), *one["share"]) for place, one in places.items()}
+        name: {place: Number(0.5 * sum(entry["share"]), *entry["share"]) for place, entry in places.items()}
         for name, places in _known_shares(scene, plan).items()
     }
 
@@ -160,9 +160,9 @@ def log_odds(share: float) -> float:
 
 def _keeps_or_rocks(scene: Scene) -> bool:
     """Whether walls keep granules or rock, as those of no entry do."""
-    sticks = any(one.capture_speed or one.sticks for one in scene.fraction.values())
+    sticks = any(fraction.capture_speed or fraction.sticks for fraction in scene.fraction.values())
     rocks = scene.vibration is not None and scene.vibration.pivot is not None
-    return sticks or rocks or any(one.keeps_part is not None for one in scene.bin.values())
+    return sticks or rocks or any(bin_.keeps_part is not None for bin_ in scene.bin.values())
 
 
 def _known_shares(scene: Scene, plan: Plan) -> dict[str, dict[str, Entry]]:
@@ -173,17 +173,17 @@ def _known_shares(scene: Scene, plan: Plan) -> dict[str, dict[str, Entry]]:
     if abs(scene.feed.position - body.at[0]) > NEAR * scene.width:
         return {}
     ends = {place: (bin_.line(scene) - body.at) / scene.width for place, bin_ in scene.bin.items()}
-    found: dict[str, dict[str, Entry]] = {}
+    entries: dict[str, dict[str, Entry]] = {}
     feed, air, loading = scene.feed, scene.airstream, 0.0
     if plan.airflow.loaded:  # mass flow of the feed over that of the air through a body width
         loading = feed.mass_flow / (feed.depth * air.density * air.speed * scene.width)
     for name, how in plan.fractions.items():
         # Without a run under such a load, one in air that does not feel the granules says how far it may be
-        for one in list(_like(scene, how, loading)) or list(_like(scene, how, 0.0)):
+        for entry in list(_like(scene, how, loading)) or list(_like(scene, how, 0.0)):
             for place, line in ends.items():
-                if line.shape == (2, 2) and np.abs(line - one["bin"]).max() <= NEAR:
-                    found.setdefault(name, {})[place] = one
-    return found
+                if line.shape == (2, 2) and np.abs(line - entry["bin"]).max() <= NEAR:
+                    entries.setdefault(name, {})[place] = entry
+    return entries
 
 
 def _like(scene: Scene, how: FractionPlan, loading: float) -> Iterator[Entry]:
@@ -193,11 +193,11 @@ def _like(scene: Scene, how: FractionPlan, loading: float) -> Iterator[Entry]:
         "stokes": how.stokes, "reynolds": scene.reynolds, "loading": loading,
     }  # fmt: skip
     settling, (shape, slope) = (how.terminal_velocity or 0.0) / scene.airstream.speed, family_of(scene)
-    for one in span_shares().values():
-        alike = shape == one["family"] and abs(slope - one["slope"]) < 1.0
-        alike &= abs(settling - one["settling"]) <= SETTLING
-        if alike and all(one[name] / by <= numbers[name] <= one[name] * by for name, by in FACTORS.items()):
-            yield one
+    for entry in span_shares().values():
+        alike = shape == entry["family"] and abs(slope - entry["slope"]) < 1.0
+        alike &= abs(settling - entry["settling"]) <= SETTLING
+        if alike and all(entry[name] / by <= numbers[name] <= entry[name] * by for name, by in FACTORS.items()):
+            yield entry
 
 
 class ThirdDimension(Source[None]):
@@ -209,24 +209,24 @@ class ThirdDimension(Source[None]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         note = "as far as its share in three dimensions is from the plane one, each granule alone"
-        found = self._moved(fraction)
-        return {place: [self.part(abs(moved), note=note)] for place, moved in found.items()}
+        moves = self._moved(fraction)
+        return {place: [self.part(abs(moved), note=note)] for place, moved in moves.items()}
 
     def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
-        return signed_column(self.name, [self._moved(one) for one in fractions])
+        return signed_column(self.name, [self._moved(fraction) for fraction in fractions])
 
     def _moved(self, fraction: FractionResults) -> dict[str, float]:
         pipeline = fraction.pipeline
         entries = _known_shares(pipeline.scene, pipeline.plan).get(fraction.name, {})
-        found = dict.fromkeys(fraction.shares if entries else (), 0.0)
+        moves = dict.fromkeys(fraction.shares if entries else (), 0.0)
         for place, entry in entries.items():
-            own = fraction.shares[place]
-            if not 0.0 < own < 1.0:
+            before = fraction.shares[place]
+            if not 0.0 < before < 1.0:
                 continue
-            moved = 1.0 / (1.0 + math.exp(-log_odds(own) - _farther(entry["share"], entry["plane"]))) - own
-            for other, share in fraction.shares.items():
-                found[other] += moved if other == place else -moved * share / (1.0 - own)
-        return found
+            moved = 1.0 / (1.0 + math.exp(-log_odds(before) - _farther(entry["share"], entry["plane"]))) - before
+            for bin_, share in fraction.shares.items():
+                moves[bin_] += moved if bin_ == place else -moved * share / (1.0 - before)
+        return moves
 
 
 MODEL = add(AirflowModel())

@@ -45,22 +45,22 @@ class _SlabAgain(Source[SlabFound]):
         return () if pipeline.plan.collisions is None else super().fly(pipeline, tracked)
 
     def shares(self, fraction: FractionResults) -> Parts:
-        found, seconds = self._compared(fraction), self.seconds(fraction)
-        return {place: [self.part(abs(moved), seconds, note)] for place, (moved, note) in found.items()}
+        changes, seconds = self._compared(fraction), self.seconds(fraction)
+        return {place: [self.part(abs(moved), seconds, note)] for place, (moved, note) in changes.items()}
 
     def _compared(self, fraction: FractionResults) -> dict[str, tuple[float, str]]:
         """What the change is of the fraction's share in every bin, beyond chance, and what was compared in words."""
-        found, slab = fraction.flights.of(self), fraction.flights.slab
-        if not found or not slab:
+        varied, slab = fraction.flights.of(self), fraction.flights.slab
+        if not varied or not slab:
             return {}
-        both = (*found, *slab)[:2]
+        both = (*varied, *slab)[:2]
         bins, images = len(fraction.shares) - 1, fraction.pipeline.scene.images
         changed, usual = (slab.landings[fraction.name].counts(bins, images) for slab in both)
-        paired = all(_apart(found, fraction) for found in both)
+        paired = all(_apart(slab, fraction) for slab in both)
         if paired:
             usual = usual[: len(changed)]
         return {
-            place: beyond_chance(changed[:, i], usual[:, i], paired=paired, part=1.0 / len(found))
+            place: beyond_chance(changed[:, i], usual[:, i], paired=paired, part=1.0 / len(varied))
             for i, place in enumerate(fraction.shares)
         }
 
@@ -88,16 +88,15 @@ class _BetweenGranules(_SlabAgain):
 
     def fly(self, pipeline: Pipeline, tracked: Tracked) -> Iterable[SlabFound]:
         scene, half = pipeline.scene, half_of_meeting(pipeline.scene, self.number)
-        for found in super().fly(pipeline, tracked) if half else ():
-            yield found
+        for slab in super().fly(pipeline, tracked) if half else ():
+            yield slab
             cut_off = getattr(scene.collisions, self.number) + half > self.most
-            if not cut_off and not shows(found, pipeline.collisions(), len(scene.bin)):
+            if not cut_off and not shows(slab, pipeline.collisions(), len(scene.bin)):
                 return
 
     def column(self, fractions: Sequence[FractionResults]) -> Sequence[Column]:
-        return signed_column(
-            self.name, [{place: moved for place, (moved, _) in self._compared(one).items()} for one in fractions]
-        )
+        compared = [self._compared(fraction) for fraction in fractions]
+        return signed_column(self.name, [{place: moved for place, (moved, _) in row.items()} for row in compared])
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """The size of the ``part`` as it is: no setting makes a number of the scene better known."""
@@ -131,13 +130,13 @@ class SlabDepth(_SlabAgain):
     reruns = (CollisionRerun("thinner slab", depth=THINNER, times=0.14),)
 
 
-def _apart(found: SlabFound, fraction: FractionResults) -> bool:
+def _apart(slab: SlabFound, fraction: FractionResults) -> bool:
     """Whether each replicate that was flown is a row of its own, or the two of an airflow and its image: not where some
     were put together since one alone had nothing of a fraction.
     """
     pipeline = fraction.pipeline
     images = 2 if pipeline.plan.airflow.mirrored and pipeline.field[1] is not None else 1
-    return 1 + int(found.landings[fraction.name].replicate.max()) == -(-found.replicates // images)
+    return 1 + int(slab.landings[fraction.name].replicate.max()) == -(-slab.replicates // images)
 
 
 def shows(changed: SlabFound, slab: SlabFound, bins: int) -> bool:
@@ -145,12 +144,12 @@ def shows(changed: SlabFound, slab: SlabFound, bins: int) -> bool:
     granules were the same: what so few replicates show of their own spread is itself chance.
     """
     for name, landings in slab.landings.items():
-        share, other = (
-            (one.count_by_bin(bins).sum(axis=(0, 2)) / one.size) for one in (landings, changed.landings[name])
+        share, changed_share = (
+            (lot.count_by_bin(bins).sum(axis=(0, 2)) / lot.size) for lot in (landings, changed.landings[name])
         )
-        both = np.clip(0.5 * (share + other), 0.0, 1.0)  # sums of weights may pass 1 by a rounding
+        both = np.clip(0.5 * (share + changed_share), 0.0, 1.0)  # sums of weights may pass 1 by a rounding
         error = np.sqrt(both * (1.0 - both) * (1.0 / landings.size + 1.0 / changed.landings[name].size))
-        if np.any(np.abs(share - other) > SURE * error):
+        if np.any(np.abs(share - changed_share) > SURE * error):
             return True
     return False
 

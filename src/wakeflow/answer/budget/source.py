@@ -109,7 +109,7 @@ class Source(Generic[Flown]):
     def unless_known(self, fraction: FractionResults) -> Parts:
         """A part of unknown size, where nothing was flown to know it, unless the kind of airflow knows it."""
         unknown = self.name in fraction.pipeline.air.unknown
-        return {one: [BudgetPart(self.name, None, 0.0, UNKNOWN)] for one in fraction.shares if unknown}
+        return {bin_: [BudgetPart(self.name, None, 0.0, UNKNOWN)] for bin_ in fraction.shares if unknown}
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ class Flights:
         """What ``source`` flew again."""
         if source.name not in self._made:
             self._made[source.name] = tuple(source.fly(self.pipeline, self.tracked))
-        found: tuple[Flown, ...] = self._made[source.name]
-        return found
+        flown: tuple[Flown, ...] = self._made[source.name]
+        return flown
 
     @cached_property
     def sample_errors(self) -> SampleErrors:
@@ -201,8 +201,8 @@ class FractionResults:
     @cached_property
     def spreads(self) -> dict[str, Spread]:
         """What the share in every bin may be off by for being taken from few granules and few sheddings."""
-        found = share_spreads(self.landings, len(self.shares) - 1, self.pipeline.scene.images or ())
-        return dict(zip(self.shares, found, strict=True))
+        spreads = share_spreads(self.landings, len(self.shares) - 1, self.pipeline.scene.images or ())
+        return dict(zip(self.shares, spreads, strict=True))
 
 
 budget_sources: Registry[Source[Any]] = Registry("source of the budget")
@@ -213,7 +213,7 @@ def signed_column(name: str, changes: Sequence[Mapping[str, float]]) -> Sequence
     at the upper end of its 95 % interval.
     """
     bins = max(map(len, changes))
-    halves = [list(one.values()) or [0.0] * bins for one in changes]
+    halves = [list(change.values()) or [0.0] * bins for change in changes]
     return [Column(name, np.array(halves)[..., None] / SIGMAS, computing=False, shared=True)] if bins else ()
 
 

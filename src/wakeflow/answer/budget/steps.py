@@ -55,10 +55,10 @@ class Integration(Source["Tracked"]):
 
     def shares(self, fraction: FractionResults) -> Parts:
         """Mean of the share of granules that the finer steps put into a bin or take out of it (:func:`mean_share`)."""
-        own, fine = fraction.compared.bin, self._finer(fraction).bin
+        coarse, fine = fraction.compared.bin, self._finer(fraction).bin
         numbers = [*range(len(fraction.shares) - 1), -1]  # elsewhere last
-        changed = [float(np.sum((own == number) != (fine == number))) for number in numbers]
-        errors = [mean_share(count, len(own)) for count in changed]
+        changed = [float(np.sum((coarse == number) != (fine == number))) for number in numbers]
+        errors = [mean_share(count, len(coarse)) for count in changed]
         return {place: [self._part(fraction, error)] for place, error in zip(fraction.shares, errors, strict=True)}
 
     def landing(self, fraction: FractionResults) -> Sequence[BudgetPart]:
@@ -69,8 +69,8 @@ class Integration(Source["Tracked"]):
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         fewer = (then.tolerance / now.tolerance) ** STEP_RATE
         flown, again = (COMPARED / REPLICATES * settings.granules for settings in (now, then))
-        found = max(0.0, part.size * (flown + 1.0) - JEFFREYS)
-        return mean_share(found / flown * fewer * again, again)
+        changed = max(0.0, part.size * (flown + 1.0) - JEFFREYS)
+        return mean_share(changed / flown * fewer * again, again)
 
     def _finer(self, fraction: FractionResults) -> Landings:
         (flown,) = fraction.flights.of(self)
@@ -97,15 +97,15 @@ class Noise(Source["Tracked"]):
         if not fraction.pipeline.plan.fractions[fraction.name].random:
             return {}
         (flown,) = fraction.flights.of(self)
-        scene, own, other = fraction.pipeline.scene, fraction.compared, flown.landings[fraction.name]
-        moved = (one.counts(len(scene.bin), scene.images).mean(axis=0) for one in (own, other))
-        found, seconds = {}, self.seconds(fraction)
+        scene, first, second = fraction.pipeline.scene, fraction.compared, flown.landings[fraction.name]
+        moved = (landings.counts(len(scene.bin), scene.images).mean(axis=0) for landings in (first, second))
+        parts, seconds = {}, self.seconds(fraction)
         for i, (place, here, there) in enumerate(zip(fraction.shares, *moved, strict=True)):
             number = i if i < len(scene.bin) else -1  # elsewhere last
-            changed = float(np.sum((own.bin == number) != (other.bin == number)))
-            chance = sqrt(mean_share(changed, len(own.bin)) / len(own.bin))
-            found[place] = [replace(self.part(hypot(there - here, chance), seconds), of_granules=chance)]
-        return found
+            changed = float(np.sum((first.bin == number) != (second.bin == number)))
+            chance = sqrt(mean_share(changed, len(first.bin)) / len(first.bin))
+            parts[place] = [replace(self.part(hypot(there - here, chance), seconds), of_granules=chance)]
+        return parts
 
     def expected(self, part: BudgetPart, now: RefinedSettings, then: RefinedSettings) -> float:
         """What chance leaves of the difference falls with the granules."""
