@@ -31,16 +31,16 @@ def _print_all(known: Mapping[str, Material]) -> None:
 
     rows = [
         [
-            name, f"{1e3 * one.diameter:.3g}", f"{one.density:.4g}", _within(one, "terminal_velocity"),
-            _within(one, "restitution"), _within(one, "friction"), one.confidence,
+            name, f"{1e3 * material.diameter:.3g}", f"{material.density:.4g}", _within(material, "terminal_velocity"),
+            _within(material, "restitution"), _within(material, "friction"), material.confidence,
         ]
-        for name, one in known.items()
+        for name, material in known.items()
     ]  # fmt: skip
     heads = ("material", "mm", "kg/m3", "falls at, m/s", "restitution", "friction", "trust")
     print_table(heads, rows, caption=NOTE, whole=True)
 
 
-def _print_one(name: str, one: Material) -> None:
+def _print_material(name: str, material: Material) -> None:
     """Print every value of a material, how well a lot's mean is taken to be known, how far to trust it, its source."""
     from rich.console import Console
     from rich.padding import Padding
@@ -48,45 +48,46 @@ def _print_one(name: str, one: Material) -> None:
     from ..show.screen import plain
 
     console = Console()
-    for line, source in _values(name, one):
+    for line, source in _values(name, material):
         console.print(plain(line), style="bold")
         console.print(Padding(plain(source), (0, 0, 0, 4)))
 
 
-def _values(name: str, one: Material) -> Iterator[tuple[str, str]]:
+def _values(name: str, material: Material) -> Iterator[tuple[str, str]]:
     """What is known of each quantity, and its source."""
-    yield f"{name}: {1e3 * one.diameter:.3g} mm, {one.density:.4g} kg/m3; {one.confidence}", one.source
+    size = f"{1e3 * material.diameter:.3g} mm, {material.density:.4g} kg/m3"
+    yield f"{name}: {size}; {material.confidence}", material.source
     for quantity in QUANTITIES:
-        if quantity in one.evidence:
-            known = one.evidence[quantity]
-            value = f"{_within(one, quantity)} {UNITS.get(quantity, '')}".strip()
-            yield f"{quantity}: {value}{_mean(one, quantity)}; {known.confidence}", known.source
-    if one.dimensions:
-        known = one.evidence["dimensions"]
-        sides = " x ".join(f"{1e3 * side:.3g}" for side in one.dimensions)
+        if quantity in material.evidence:
+            known = material.evidence[quantity]
+            value = f"{_within(material, quantity)} {UNITS.get(quantity, '')}".strip()
+            yield f"{quantity}: {value}{_mean(material, quantity)}; {known.confidence}", known.source
+    if material.dimensions:
+        known = material.evidence["dimensions"]
+        sides = " x ".join(f"{1e3 * side:.3g}" for side in material.dimensions)
         yield f"dimensions: {sides} mm; {known.confidence}", known.source
-    if one.moisture is not None:
-        for key, ends in one.moisture.ends.items():
+    if material.moisture is not None:
+        for key, ends in material.moisture.ends.items():
             unit, scale = ("mm", 1e3) if key == "diameter" else (UNITS.get(key, ""), 1.0)
-            pairs = zip(ends, one.moisture.share, strict=True)
+            pairs = zip(ends, material.moisture.share, strict=True)
             values = ", ".join(f"{scale * value:.4g} {unit}".strip() + f" at {100 * wet:.3g}%" for value, wet in pairs)
-            yield f"{key} by moisture: {values}", one.moisture.source
+            yield f"{key} by moisture: {values}", material.moisture.source
 
 
-def _within(one: Material, name: str) -> str:
+def _within(material: Material, name: str) -> str:
     """A value with the range in which 95 % of the granules lie."""
-    value, std = getattr(one, name), getattr(one, f"{name}_std", 0.0)
+    value, std = getattr(material, name), getattr(material, f"{name}_std", 0.0)
     if not isinstance(value, int | float):
         return NONE if value is None else str(value)
     return f"{value:.3g} +- {RANGE * std:.2g}" if std else f"{value:.3g}"
 
 
-def _mean(one: Material, quantity: str) -> str:
+def _mean(material: Material, quantity: str) -> str:
     """Half of the 95 % interval of a lot's mean, where a scene says nothing better; empty where it has none."""
-    value, margin = getattr(one, quantity), default_margins().get(quantity)
+    value, margin = getattr(material, quantity), default_margins().get(quantity)
     if margin is None or not isinstance(value, int | float):
         return ""
-    half = one.half_of(quantity, margin.half(float(value), one.evidence[quantity].confidence, 0.0))
+    half = material.half_of(quantity, margin.half(float(value), material.evidence[quantity].confidence, 0.0))
     return f" (a lot's mean: +- {half:.2g})"
 
 
@@ -112,11 +113,11 @@ def materials(name: str | None = None, *, file: Path | None = None, new: Path | 
         write_own_material(new)
         print(f'{new} written; fill it in, and name it in a scene: materials = "{new.name}"')
         return
-    known = {one: shipped[one] for one in shipped} if file is None else read_materials(file)
+    known = {kind: shipped[kind] for kind in shipped} if file is None else read_materials(file)
     if name is None:
         _print_all(known)
     elif name in known:
-        _print_one(name, known[name])
+        _print_material(name, known[name])
     else:
         raise SceneError(f"unknown material {name!r}{near_material(name, list(known))} (known: {', '.join(known)})")
 

@@ -217,16 +217,16 @@ class Collisions:
         most = int(grains.fraction.max(initial=0)) + 1
         if len(grains) and grains.fraction.min() < 0:
             raise SceneError("collisions: granule fraction: must not be negative")
-        found = []
+        square = []
         for name in ("restitution", "friction", "tangential_restitution"):
             values = getattr(self, name)
             if values.ndim == 2 and len(values) < most:
                 raise SceneError(f"collisions: {name} is a table of {len(values)} fractions, the granules have {most}")
-            found.append(np.array(np.broadcast_to(values, (most, most)) if values.ndim == 0 else values, order="C"))
+            square.append(np.array(np.broadcast_to(values, (most, most)) if values.ndim == 0 else values, order="C"))
         solid = ~np.isin(grains.fraction, np.asarray(self.tracers, dtype=np.int64))
         thick = float(grains.diameter[solid].max(initial=0.0))
         if self.depth < thick:
             raise SceneError(
                 f"collisions: depth = {self.depth:g} m is less than the largest granule, {thick:g} m: take ten of them"
             )
-        return found[0], found[1], found[2]
+        return square[0], square[1], square[2]

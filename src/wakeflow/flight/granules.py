@@ -66,10 +66,10 @@ def _shaped(name: str, values: AnyArray, shape: tuple[int, ...]) -> AnyArray:
 
 def _refuse(name: str, array: Array, bad: NDArray[np.bool_], allowed: str) -> None:
     if bad.any():
-        one = bad if bad.ndim == 1 else bad.any(axis=1)
-        first = int(one.argmax())
+        off = bad if bad.ndim == 1 else bad.any(axis=1)
+        first = int(off.argmax())
         raise SceneError(
-            f"granule {name}: {int(one.sum())} of {len(array)} must be {allowed}, first {array[first]} at index {first}"
+            f"granule {name}: {int(off.sum())} of {len(array)} must be {allowed}, first {array[first]} at index {first}"
         )
 
 

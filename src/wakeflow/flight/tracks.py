@@ -66,8 +66,8 @@ class ClockStep(NamedTuple):
     @property
     def told(self) -> str:
         """The choice in words."""
-        found = f"nine of ten land within {self.step_error:.2g} lengths ({self.asked:.2g} asked)"
-        return f"steps of {self.step:.3g} s, by which {found}; trials: {self.trials}"
+        landing = f"nine of ten land within {self.step_error:.2g} lengths ({self.asked:.2g} asked)"
+        return f"steps of {self.step:.3g} s, by which {landing}; trials: {self.trials}"
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,8 @@ class Tracks:
 
     def some(self, rows: Index) -> Tracks:
         """The tracks of the granules ``rows`` (m,)."""
-        own = {f.name: getattr(self, f.name) for f in fields(self)}
-        parts: dict[str, Any] = {name: value[rows] for name, value in own.items() if isinstance(value, np.ndarray)}
+        by_name = {f.name: getattr(self, f.name) for f in fields(self)}
+        parts: dict[str, Any] = {name: value[rows] for name, value in by_name.items() if isinstance(value, np.ndarray)}
         return replace(self, **parts, recorded=[self.recorded[i] for i in rows] if self.recorded else [])
 
     def ends(self, bins: int) -> tuple[Index, Index]:

@@ -243,8 +243,8 @@ def by_source(entries: Sequence[WakeEntry], blockage: float = 0.0) -> dict[str, 
     groups: dict[str, list[tuple[float, float]]] = {}
     for entry in entries:
         value, _, high = entry.given
-        other = ERROR_PER_BLOCKAGE * math.log(blockage / entry.blockage) if blockage else 0.0
-        groups.setdefault(entry.datum, []).append((value, math.hypot(high - value, other)))
+        by_blockage = ERROR_PER_BLOCKAGE * math.log(blockage / entry.blockage) if blockage else 0.0
+        groups.setdefault(entry.datum, []).append((value, math.hypot(high - value, by_blockage)))
     return {datum: _pooled(group) for datum, group in groups.items()}
 
 

@@ -147,12 +147,12 @@ def near_material(name: object, known: Sequence[str]) -> str:
     """A hint where a known name is that of the same substance misspelt, or where one says itself that it is the nearest
     (``also``), else an empty string: broken rice is no broken wheat. Every word of the name must be alike.
     """
-    for other in known:
-        if _misspelt(str(name), other):
-            return f"; did you mean {other!r}?"
-    for other in known:
-        if other in materials and any(_misspelt(str(name), word) for word in materials[other].also):
-            return f"; the nearest is {other!r}"
+    for material in known:
+        if _misspelt(str(name), material):
+            return f"; did you mean {material!r}?"
+    for material in known:
+        if material in materials and any(_misspelt(str(name), word) for word in materials[material].also):
+            return f"; the nearest is {material!r}"
     return ""
 
 

@@ -81,7 +81,7 @@ def _distances(points: Sequence[Mapping[str, object]]) -> NDArray[np.float64]:
             numbers = np.array(values, dtype=float)
             squares += ((numbers[:, None] - numbers) / (np.ptp(numbers) or 1.0)) ** 2
         else:
-            squares += [[float(one != other) for other in values] for one in values]
+            squares += [[float(value != other) for other in values] for value in values]
     return np.asarray(np.sqrt(squares))
 
 
@@ -160,9 +160,9 @@ class _Planned:
         """
         names = {stage.name for stage in SHARED} if self.airflow else set[str]()
         return sum(
-            one.whole * (BOTH_CORES if one.key.stage.work in ON_ALL_CORES else 1.0)
-            for one in self.plan.stages
-            if (one.key.name in names) is airflow and (report or one.key.name != "report")
+            stage.whole * (BOTH_CORES if stage.key.stage.work in ON_ALL_CORES else 1.0)
+            for stage in self.plan.stages
+            if (stage.key.name in names) is airflow and (report or stage.key.name != "report")
         )
 
     @property
@@ -213,10 +213,10 @@ def make_agenda(
     if deaf := _unfelt(planned):
         listener("sweep", unfelt_line(deaf))
     planned = _started(planned, out) if neighbours else planned
-    stamps = {one.variant.name: one.stamp for one in planned}
-    open_ones = [one for one in planned if finished(out / one.variant.name, one.stamp) is None]
-    count = threads(len(open_ones))
-    steps = *_airflow_steps(open_ones, out, count), *_flight_steps(open_ones, out, count, report=report)
+    stamps = {member.variant.name: member.stamp for member in planned}
+    unfinished = [member for member in planned if finished(out / member.variant.name, member.stamp) is None]
+    count = threads(len(unfinished))
+    steps = *_airflow_steps(unfinished, out, count), *_flight_steps(unfinished, out, count, report=report)
     return Agenda(steps, stamps, problems)
 
 
@@ -224,9 +224,9 @@ def _unfelt(planned: Sequence[_Planned]) -> list[str]:
     """The inputs in which scenes differ and which none of them feels. Raises SceneError where there are no others: all
     answers would be the same.
     """
-    keys = list(dict.fromkeys(key for one in planned for key in one.variant.inputs))
-    varied = [key for key in keys if len({repr(one.variant.inputs.get(key)) for one in planned}) > 1]
-    deaf = [key for key in varied if all(unfelt([key], one.scene, one.plan.rung) for one in planned)]
+    keys = list(dict.fromkeys(key for member in planned for key in member.variant.inputs))
+    varied = [key for key in keys if len({repr(member.variant.inputs.get(key)) for member in planned}) > 1]
+    deaf = [key for key in varied if all(unfelt([key], member.scene, member.plan.rung) for member in planned)]
     if varied and deaf == varied:
         raise SceneError(unfelt_line(deaf))
     return deaf
@@ -236,17 +236,17 @@ def _started(planned: Sequence[_Planned], out: Path) -> list[_Planned]:
     """The scenes, each asked for near the one whose airflow its own starts from."""
     first = _by_airflow(planned)
     keys = list(first)
-    places = starts([one.variant.inputs for one in first.values()])
+    places = starts([member.variant.inputs for member in first.values()])
     near = {key: str(out / _folder(keys[place])) for key, place in zip(keys, places, strict=True) if keys[place] != key}
-    return [replace(one, request=replace(one.request, near=near.get(one.airflow))) for one in planned]
+    return [replace(member, request=replace(member.request, near=near.get(member.airflow))) for member in planned]
 
 
 def _by_airflow(planned: Iterable[_Planned]) -> dict[str, _Planned]:
     """The first scene of each airflow that costs something, by what tells that airflow from others."""
     first: dict[str, _Planned] = {}
-    for one in planned:
-        if one.airflow:
-            first.setdefault(one.airflow, one)
+    for member in planned:
+        if member.airflow:
+            first.setdefault(member.airflow, member)
     return first
 
 
@@ -260,22 +260,22 @@ def _airflow_steps(planned: Iterable[_Planned], out: Path, threads: int) -> Iter
     first = _by_airflow(planned)
     folders = {str(out / _folder(key)): _folder(key) for key in first}
     steps = []
-    for key, one in first.items():
-        cost, folder = airflow_cost(one.scene, one.plan.airflow), _folder(key)
-        job, needs = one.job(out / folder, threads), folders.get(one.request.near or "", "")
-        steps.append(Step(folder, job, True, needs, one.seconds(airflow=True, report=False), cost.disk, one.ranks))
+    for key, lead in first.items():
+        cost, folder = airflow_cost(lead.scene, lead.plan.airflow), _folder(key)
+        job, needs = lead.job(out / folder, threads), folders.get(lead.request.near or "", "")
+        steps.append(Step(folder, job, True, needs, lead.seconds(airflow=True, report=False), cost.disk, lead.ranks))
     return sorted(steps, key=lambda step: -step.seconds)
 
 
 def _flight_steps(planned: Iterable[_Planned], out: Path, threads: int, *, report: bool) -> Iterable[Step]:
     leaders: dict[tuple[str, str], str] = {}
-    for one in planned:
-        same, name = (one.airflow, one.flight), one.variant.name
-        air = airflow_cost(one.scene, one.plan.airflow)
-        needs = leaders.get(same, _folder(one.airflow) if one.airflow else "")
+    for member in planned:
+        same, name = (member.airflow, member.flight), member.variant.name
+        air = airflow_cost(member.scene, member.plan.airflow)
+        needs = leaders.get(same, _folder(member.airflow) if member.airflow else "")
         leaders.setdefault(same, name)
-        seconds, disk = one.seconds(airflow=False, report=report), one.plan.estimate["disk"] - air.disk
-        yield Step(name, one.job(out / name, threads, report=report), False, needs, seconds, disk)
+        seconds, disk = member.seconds(airflow=False, report=report), member.plan.estimate["disk"] - air.disk
+        yield Step(name, member.job(out / name, threads, report=report), False, needs, seconds, disk)
 
 
 # -- Doing an agenda ---------------------------------------------------------------------------------------------------

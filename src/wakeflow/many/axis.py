@@ -76,11 +76,11 @@ class Axis:
             low, high = (_si(end, self.unit, key) for end in self.ends)
         except ValueError:  # a unit of another kind: each design will say so
             return math.nan
-        own = tables[key]
-        if isinstance(own, bool) or not isinstance(own, int | float):
+        now = tables[key]
+        if isinstance(now, bool) or not isinstance(now, int | float):
             return math.nan
-        own = -own if self._tied[0].startswith("-") else own
-        place = math.log(own / low) / math.log(high / low) if self.log and own > 0.0 else (own - low) / (high - low)
+        now = -now if self._tied[0].startswith("-") else now
+        place = math.log(now / low) / math.log(high / low) if self.log and now > 0.0 else (now - low) / (high - low)
         inside = 0.0 <= place <= 1.0
         return place if inside and self._held(self.at(place), tables, ALIKE * abs(high - low)) else math.nan
 
@@ -136,7 +136,7 @@ def axis_of_text(text: str, option: str = "--set") -> Axis:
             raise SceneError(f"{option} {text!r}: the count, behind the second colon, is a whole number; {HOW}")
         count, unit = counts[0]
         last = unit or high[1] or low[1]
-        if any(one and one != last for one in (low[1], high[1])):
+        if any(written and written != last for written in (low[1], high[1])):
             raise SceneError(f"{option} {text!r}: both ends in one unit, please")
         return _range(key, low[0], high[0], int(count), last)
     pieces = _in_units(f"{option} {text!r}", _pieces(given))
@@ -315,7 +315,7 @@ def changes_at(axes: Sequence[Axis], places: Sequence[float]) -> Changes:
 
 
 def _changes(axes: Sequence[Axis], row: Sequence[object]) -> Changes:
-    return {key: one for axis, value in zip(axes, row, strict=True) for key, one in axis.changes(value).items()}
+    return {key: changed for axis, value in zip(axes, row, strict=True) for key, changed in axis.changes(value).items()}
 
 
 def _few_enough(scenes: int) -> None:

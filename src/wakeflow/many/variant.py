@@ -138,7 +138,7 @@ def variants(
     ``fixed``: dotted keys that are the same in all. ``listener`` hears how many are read. A variant that
     is no valid scene says so itself. Raises SceneError where the axes or the design are wrong.
     """
-    if not isinstance(over, Mapping | Sequence) or not all(isinstance(one, str) for one in over):
+    if not isinstance(over, Mapping | Sequence) or not all(isinstance(text, str) for text in over):
         raise SceneError(f"over = {over!r}: give keys and their values, {{'air.speed': ['5 m/s', '6 m/s']}}")
     axes = axes_of(over, "sweep") if isinstance(over, Mapping) else [axis_of_text(text) for text in over]
     for name, number, least in (("seed", seed, 0), ("count", 1 if count is None else count, 1)):
@@ -153,7 +153,7 @@ def variants(
         raise SceneError(f"{twice.pop()} is swept twice; give all its values at once")
     base = scene if isinstance(scene, Scene) else path_of(scene, "scene")
     alone = [axis.changes(axis.values[0]) for axis in axes if len(axis.values) == 1]
-    before = {**(fixed or {}), **{key: value for one in alone for key, value in one.items()}}
+    before = {**(fixed or {}), **{key: value for part in alone for key, value in part.items()}}
     axes = [axis for axis in axes if len(axis.values) > 1]
     load: Callable[[JsonTable], Scene] = base.replace if isinstance(base, Scene) else lambda c: Scene.load(base, c)
     tables = load(before).tables()  # a base that is wrong is the caller's mistake, not a variant's; so is a wrong key
@@ -192,13 +192,13 @@ def _variant(
         return made
     set_now = flat(made.scene.tables())
     inputs: dict[str, object] = {}
-    for one in (key for axis in axes for key in axis.keys):
+    for varied in (key for axis in axes for key in axis.keys):
         # a value that is a table, such as a law of restitution, is more than one input; one that is not set is none
-        inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{one}.")}
-        if "*" in one:  # all that it represents have one value
-            values = [value for key, value in set_now.items() if fnmatchcase(key, one)]
-            inside = {one: values[0]} if values else {}
-        inputs |= inside or ({one: changes[one]} if one in changes else {})
+        inside = {key: value for key, value in set_now.items() if f"{key}.".startswith(f"{varied}.")}
+        if "*" in varied:  # all that it represents have one value
+            values = [value for key, value in set_now.items() if fnmatchcase(key, varied)]
+            inside = {varied: values[0]} if values else {}
+        inputs |= inside or ({varied: changes[varied]} if varied in changes else {})
     return replace(made, inputs=inputs)
 
 
@@ -232,18 +232,18 @@ def of_scenes(scenes: Iterable[Scene | Path | str | Variant] | Mapping[str, Scen
     SceneError without any.
     """
     if isinstance(scenes, Mapping):
-        names, members = list(scenes), [Scene.of(one) for one in scenes.values()]
+        names, members = list(scenes), [Scene.of(scene) for scene in scenes.values()]
     else:
         if isinstance(scenes, Scene) or not isinstance(scenes, Iterable):
             raise SceneError("a sweep takes a list of scenes, what wf.variants made, or the path of a sweep file")
         given = list(scenes)
-        made = [one for one in given if isinstance(one, Variant)]
+        made = [scene for scene in given if isinstance(scene, Variant)]
         if made and len(made) == len(given):
             return named(made)
         if made:
             raise SceneError("a sweep takes scenes, or what wf.variants made, not both together")
-        names = [stem_name(Path(one).stem) if isinstance(one, Path | str) else "" for one in given]
-        members = [Scene.of(one) for one in given if not isinstance(one, Variant)]
+        names = [stem_name(Path(scene).stem) if isinstance(scene, Path | str) else "" for scene in given]
+        members = [Scene.of(scene) for scene in given if not isinstance(scene, Variant)]
     if not members:
         raise SceneError("a sweep needs at least one scene")
     columns = differing(members)

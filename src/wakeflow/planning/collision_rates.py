@@ -118,13 +118,13 @@ def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str,
     streams = {name: _stream(scene, name, *laws[name]) for name in scene.fraction}
     known_by = _known_by(streams)
     pairs = product(dict.fromkeys(known_by.values()), repeat=2)
-    ways = {(one, two): tuple(_ways(streams[one], streams[two])) for one, two in pairs}
+    ways = {(first, second): tuple(_ways(streams[first], streams[second])) for first, second in pairs}
     bounce = 1.0 + scene.collisions.restitution
-    found = {}
-    for name, own in streams.items():
+    rates = {}
+    for name, stream in streams.items():
         by, heavier, knocks = dict.fromkeys(streams, 0.0), 0.0, 0.0
         for partner, other in streams.items():
-            share = other.mass / (own.mass + other.mass)
+            share = other.mass / (stream.mass + other.mass)
             alike = known_by[partner]
             part = 1.0 if alike == partner else other.flux / streams[alike].flux
             for meetings, closing in ways[known_by[name], alike]:
@@ -132,8 +132,8 @@ def encounters(scene: Scene, laws: Mapping[str, tuple[str, float]]) -> dict[str,
                 weighed = part * meetings * min(1.0, 2.0 * share)
                 heavier += weighed
                 knocks += weighed * bounce * share * closing
-        found[name] = Encounters(by, heavier, knocks / heavier if heavier > 0.0 else 0.0)
-    return found
+        rates[name] = Encounters(by, heavier, knocks / heavier if heavier > 0.0 else 0.0)
+    return rates
 
 
 def _known_by(streams: Mapping[str, _Stream]) -> dict[str, str]:
@@ -161,51 +161,52 @@ def shifted(scene: Scene, met: Encounters, scales: Sequence[FlightScales]) -> fl
     return min(1.0, met.heavier) * met.knock * fall / scene.width
 
 
-def _ways(own: _Stream, other: _Stream) -> Iterator[tuple[float, float]]:
+def _ways(stream: _Stream, other: _Stream) -> Iterator[tuple[float, float]]:
     """(number of meetings of a granule, closing speed in m/s) of every way in which two fractions meet."""
-    sigma = math.pi * (own.section + other.section + 2.0 * own.girth * other.girth)
-    pairs = [_overtaking(one, two) for one in own.falls for two in other.falls]
+    sigma = math.pi * (stream.section + other.section + 2.0 * stream.girth * other.girth)
+    pairs = [_overtaking(fall, crossed) for fall in stream.falls for crossed in other.falls]
     met, closing = np.mean(pairs, axis=0).tolist()
     yield sigma * other.flux * met, closing / met if met > 0.0 else 0.0
-    if own.crossing > 0.0 and other.arrival > 0.0:
-        closing = math.hypot(own.thrown, other.arrival)
-        yield sigma * other.flux / max(other.arrival, MIN_FALL_SPEED) * closing * own.crossing, closing
-    if other.crossing > 0.0 and own.arrival > 0.0:
-        closing = math.hypot(other.thrown, own.arrival)
-        yield sigma * other.flux * other.crossing * closing / max(own.arrival, MIN_FALL_SPEED), closing
-    if own.slope.within and other.slope.within:
-        thick = max(own.slope.high, other.slope.high, sigma / (own.diameter + other.diameter))
-        met, closing = _side_by_side(own.slope, other.slope)
+    if stream.crossing > 0.0 and other.arrival > 0.0:
+        closing = math.hypot(stream.thrown, other.arrival)
+        yield sigma * other.flux / max(other.arrival, MIN_FALL_SPEED) * closing * stream.crossing, closing
+    if other.crossing > 0.0 and stream.arrival > 0.0:
+        closing = math.hypot(other.thrown, stream.arrival)
+        yield sigma * other.flux * other.crossing * closing / max(stream.arrival, MIN_FALL_SPEED), closing
+    if stream.slope.within and other.slope.within:
+        thick = max(stream.slope.high, other.slope.high, sigma / (stream.diameter + other.diameter))
+        met, closing = _side_by_side(stream.slope, other.slope)
         yield sigma / thick * other.flux * met, closing
 
 
-def _side_by_side(one: _Slope, two: _Slope) -> tuple[float, float]:
-    """Meetings of ``one`` with ``two`` in the layer on a face, per flux and width of what sweeps it (m s); the mean
-    closing speed (m/s).
+def _side_by_side(slope: _Slope, partner: _Slope) -> tuple[float, float]:
+    """Meetings of ``slope`` with ``partner`` in the layer on a face, per flux and width of what sweeps it (m s); the
+    mean closing speed (m/s).
 
-    Both come down evenly over the curtain's width. Where ``one`` passes a place, those of ``two`` that came down higher
-    up pass too, at speeds that differ by where they came down, by the body's phase when they did, and by their hops.
+    Both come down evenly over the curtain's width. Where ``slope`` passes a place, those of ``partner`` that came down
+    higher up pass too, at speeds that differ by where they came down, by the body's phase when they did, and by their
+    hops.
     """
-    came = (np.arange(ENTRIES) + 0.5) / ENTRIES * one.within
-    ends = one.within + one.beyond
+    came = (np.arange(ENTRIES) + 0.5) / ENTRIES * slope.within
+    ends = slope.within + slope.beyond
     width = ends / PLACES
     places = (np.arange(PLACES) + 0.5) * width
-    mine, theirs = (np.maximum(slope.speed(places - came[:, None]), MIN_FALL_SPEED) for slope in (one, two))
+    mine, theirs = (np.maximum(layer.speed(places - came[:, None]), MIN_FALL_SPEED) for layer in (slope, partner))
     above = (places > came[:, None]).astype(float)  # (entries, places): who came down higher up than the place
-    jitter = one.shaken**2 + two.shaken**2 + (one.hop**2 + two.hop**2) / 3.0
-    closing = np.sqrt((mine[:, None] - theirs[None]) ** 2 + jitter)  # (entries of one, of two, places)
-    rate = above[:, None] * above[None] * closing / (mine[:, None] * theirs[None]) * width * one.within / ENTRIES
+    jitter = slope.shaken**2 + partner.shaken**2 + (slope.hop**2 + partner.hop**2) / 3.0
+    closing = np.sqrt((mine[:, None] - theirs[None]) ** 2 + jitter)  # (entries of slope, of partner, places)
+    rate = above[:, None] * above[None] * closing / (mine[:, None] * theirs[None]) * width * slope.within / ENTRIES
     met = rate.sum(axis=(1, 2))
     whole = rate.sum()  # 0 where all go at one speed: none meets another
     return float(met.mean()), float((rate * closing).sum() / whole) if whole > 0.0 else 0.0
 
 
-def _overtaking(one: _Fall, two: _Fall) -> tuple[float, float]:
-    """int |v1 - v2| / |v2| dt (s) on the way of ``one`` where ``two`` falls too, and the same times |v1 - v2| (m)."""
-    steps = np.diff(one.time, prepend=one.time[0])
-    down = two.way[: int(two.way.argmax()) + 1], two.speed[: int(two.way.argmax()) + 1]
-    beside = np.interp(one.way, *down, left=np.nan, right=np.nan)
-    closing = np.nan_to_num(np.abs(one.speed - beside), nan=0.0)
+def _overtaking(fall: _Fall, partner: _Fall) -> tuple[float, float]:
+    """int |v1 - v2| / |v2| dt (s) on the way of ``fall`` where ``partner`` falls too, and that times |v1 - v2| (m)."""
+    steps = np.diff(fall.time, prepend=fall.time[0])
+    down = partner.way[: int(partner.way.argmax()) + 1], partner.speed[: int(partner.way.argmax()) + 1]
+    beside = np.interp(fall.way, *down, left=np.nan, right=np.nan)
+    closing = np.nan_to_num(np.abs(fall.speed - beside), nan=0.0)
     slow = np.maximum(np.abs(np.nan_to_num(beside, nan=np.inf)), MIN_FALL_SPEED)
     rate = closing / slow
     return float(rate @ steps), float((rate * closing) @ steps)
@@ -321,7 +322,7 @@ def ejection_speed(scene: Scene, fraction: Fraction, arrival: float) -> float:
     granule, ends = fraction.properties, np.array([1.0 - RARE, RARE])
     restitutions, frictions = (fraction.coefficients(name, ends) for name in COEFFICIENTS)
     tilt = 2.0 * granule.rebound_scatter * np.array([[-1.0], [0.0], [1.0]])
-    across, up = np.abs(np.concatenate([normals(scene.plumb.seen(one.outline())) for one in scene.body.values()])).T
+    across, up = np.abs(np.concatenate([normals(scene.plumb.seen(body.outline())) for body in scene.body.values()])).T
     slope = np.clip(np.arctan2(across, up) + tilt, 0.0, 0.5 * np.pi)
     across, up = np.sin(slope), np.cos(slope)
     middle = restitution_at(granule.restitution, arrival * up)

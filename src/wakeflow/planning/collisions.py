@@ -62,7 +62,7 @@ class CollisionPlan:
 
 
 def why_no_collisions(scene: Scene, *, switched: bool = False) -> str:
-    """Why no slab can be flown for a scene; empty where it can. ``asked``: for by hand."""
+    """Why no slab can be flown for a scene; empty where it can. ``switched``: for by hand."""
     if scene.feed.start == "resting":
         return "granules that start at rest on the body are no stream: they have no feed rate"
     return "" if scene.feed.rate or switched else NO_RATE
@@ -162,7 +162,7 @@ def number_rates(scene: Scene, name: str) -> Array:
 def _heaviest(scene: Scene) -> tuple[str, float]:
     """The fraction with the heaviest median granule, and the mass (kg) of that."""
     middle = {name: float(np.median(granule_masses(scene, name))) for name in scene.fraction}
-    name = max(middle, key=lambda one: middle[one])
+    name = max(middle, key=lambda kind: middle[kind])
     return name, middle[name]
 
 

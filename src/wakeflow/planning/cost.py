@@ -197,10 +197,10 @@ def expected_stages(
     effort = sum(forces[force].effort for fraction in fractions.values() for force in fraction.forces)
     work = Workload(scene, airflow, collisions, len(fractions), len(fractions) + effort)
     again = [cost for source in sources for cost in source.costs(work)]
-    found = [*(cost for name in stages for cost in stages[name].cost(work)), *again]
-    found.sort(key=lambda cost: StageCost.ORDER.index(cost.when))
-    found.append(StageCost(StageKey(OWN, "report"), REPORT, "after"))
-    return tuple(replace(cost, memory=memory_of(work, cost.key)) for cost in found)
+    costs = [*(cost for name in stages for cost in stages[name].cost(work)), *again]
+    costs.sort(key=lambda cost: StageCost.ORDER.index(cost.when))
+    costs.append(StageCost(StageKey(OWN, "report"), REPORT, "after"))
+    return tuple(replace(cost, memory=memory_of(work, cost.key)) for cost in costs)
 
 
 def flown_again(
@@ -270,27 +270,27 @@ def _reading(work: Workload) -> Iterator[StageCost]:
 def _gathering(work: Workload) -> Iterator[StageCost]:
     """The passes of the air that feels the granules, through the steady airflow; the answer's own waits for them."""
     if work.airflow.loaded:
-        own = work.airflow.stepping != "time-resolved"
-        key = StageKey(AirLabel(draft=not own), "momentum")
+        of_answer = work.airflow.stepping != "time-resolved"
+        key = StageKey(AirLabel(draft=not of_answer), "momentum")
         count, meet = work.scene.feed.count, _passes(work) > work.scene.numerics.loading_passes
         each, last = (_flown(work, gathered(count, most)) for most in (PASSING if meet else GATHERED, GATHERED))
         seconds = each + meet * last / (_passes(work) + 1)
-        yield StageCost(key, seconds, "answer" if own else "first", _passes(work) + 1)
+        yield StageCost(key, seconds, "answer" if of_answer else "first", _passes(work) + 1)
 
 
 def _gathering_in_slab(work: Workload) -> Iterator[StageCost]:
     """COMPARED replicates of the slab, each three times as long as it takes to start up."""
     collisions = work.collisions
     if work.airflow.loaded and collisions is not None and _passes(work) > 1:
-        own = work.airflow.stepping != "time-resolved"
+        of_answer = work.airflow.stepping != "time-resolved"
         part = (
             COMPARED
             * 3.0
             * collisions.start_up
             / (collisions.replicates * (collisions.operation + 2.0 * collisions.start_up))
         )
-        key = StageKey(AirLabel(draft=not own), "slab-momentum")
-        yield StageCost(key, part * collisions.seconds, "answer" if own else "first")
+        key = StageKey(AirLabel(draft=not of_answer), "slab-momentum")
+        yield StageCost(key, part * collisions.seconds, "answer" if of_answer else "first")
 
 
 def _passes(work: Workload) -> int:
@@ -336,8 +336,8 @@ def _fed(scene: Scene) -> int:
 
 def _flown(work: Workload, count: int) -> float:
     """Seconds in which ``count`` granules of every fraction fly once."""
-    one = SECONDS_A_GRANULE if work.airflow.stepping or work.airflow.rung == "given" else IN_KNOWN_AIR
-    return EACH_STAGE + (WITHOUT_AIR if work.airflow.rung == "none" else one) * count * work.effort
+    in_air = SECONDS_A_GRANULE if work.airflow.stepping or work.airflow.rung == "given" else IN_KNOWN_AIR
+    return EACH_STAGE + (WITHOUT_AIR if work.airflow.rung == "none" else in_air) * count * work.effort
 
 
 MESH = Stage("mesh", "mesh", Scaling.CELLS, "airflow", _meshing)

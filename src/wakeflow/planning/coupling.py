@@ -112,22 +112,22 @@ def _meetings(
 ) -> tuple[float, float, str]:
     """Meetings of a granule, how many are bearable, and what they are, of the fraction whose granules bear fewest."""
     every = []
-    for name, found in met.items():
-        moved = shifted(scene, found, scales.get(name, ()))
-        by_one = moved / min(1.0, found.heavier) if found.heavier > 0.0 else 0.0
+    for name, encounter in met.items():
+        moved = shifted(scene, encounter, scales.get(name, ()))
+        by_one = moved / min(1.0, encounter.heavier) if encounter.heavier > 0.0 else 0.0
         bearable = shift / by_one if by_one > 0.0 else math.inf
-        why = f"of a granule of {name} with others as heavy or heavier, each a kick of up to {found.knock:.2g} m/s"
-        every.append((found.heavier, bearable, why))
-    return max(every, key=lambda one: one[0] / one[1])
+        why = f"of a granule of {name} with others as heavy or heavier, each a kick of up to {encounter.knock:.2g} m/s"
+        every.append((encounter.heavier, bearable, why))
+    return max(every, key=lambda row: row[0] / row[1])
 
 
 def _packing(scene: Scene, speeds: Mapping[str, float]) -> float:
     """Solid volume fraction of the curtain at the body, mean over its width, each fraction at its own speed (m/s)."""
-    feed, found = scene.feed, 0.0
+    feed, packing = scene.feed, 0.0
     for name, share in scene.mass_shares().items():
         density = scene.fraction[name].properties.density
-        found += feed.mass_flow * share / density / (feed.width * feed.depth * speeds[name])
-    return found
+        packing += feed.mass_flow * share / density / (feed.width * feed.depth * speeds[name])
+    return packing
 
 
 class _TakenFromTheAir(NamedTuple):

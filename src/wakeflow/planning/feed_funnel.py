@@ -95,15 +95,15 @@ def by_law_line(funnel: Funnel) -> str:
     return f"funnel: {_by_law(funnel)}; in seven funnels beads left {PROVED} times as fast"
 
 
-def discharge_lines(found: FunnelSummary) -> list[str]:
-    """What a user must know of a discharge that was ``found``."""
+def discharge_lines(discharge: FunnelSummary) -> list[str]:
+    """What a user must know of a ``discharge``."""
     lines = []
-    if found.verdict != "emptied":
-        lines.append(f"funnel: the flow stopped with {found.left} of {found.beads} beads still inside")
-    if found.rate and not found.rate.known:
+    if discharge.verdict != "emptied":
+        lines.append(f"funnel: the flow stopped with {discharge.left} of {discharge.beads} beads still inside")
+    if discharge.rate and not discharge.rate.known:
         lines.append("funnel: emptied within a few periods of its vibration: the rate has no interval; use more mass")
-    if found.overlap > DEEP:
+    if discharge.overlap > DEEP:
         lines.append(
-            f"funnel: beads overlap by up to {found.overlap:.1%} of their diameter; raise funnel.youngs_modulus"
+            f"funnel: beads overlap by up to {discharge.overlap:.1%} of their diameter; raise funnel.youngs_modulus"
         )
     return lines

@@ -139,8 +139,8 @@ def _granules(scene: Scene, fraction: Fraction, law: str, scale: float) -> Itera
         if speeds is None:
             yield diameter, scale / slip
             continue
-        own = *STANDARD_AIR, GRAVITY, law, fraction.roundness
-        for factor in drag_factor_for_terminal_velocity(diameter, density, speeds, *own):
+        conditions = *STANDARD_AIR, GRAVITY, law, fraction.roundness
+        for factor in drag_factor_for_terminal_velocity(diameter, density, speeds, *conditions):
             yield diameter, float(factor * slip_correction(diameter)) / slip
 
 
@@ -163,7 +163,7 @@ class Approach:
     @property
     def driven(self) -> Approach:
         """This approach in the jet of air that the granules drive, as fast and as turbulent as it may be."""
-        return replace(self, scales=[replace(one, air_speed=one.driven, intensity=JET_RMS) for one in self.scales])
+        return replace(self, scales=[replace(way, air_speed=way.driven, intensity=JET_RMS) for way in self.scales])
 
 
 def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
@@ -172,7 +172,7 @@ def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
     met = encounters(scene, laws)
     if scene.air is None:
         return {name: Approach(*laws[name], met[name]) for name in laws}
-    found = {}
+    undriven = {}
     for name, law in laws.items():
         turned = deflection(scene, name, *law)
         straight = turned is not None and turned.straight and not scene.obstacles
@@ -185,9 +185,9 @@ def approaches(scene: Scene, airflow: AirflowPlan) -> dict[str, Approach]:
             turbulent=airflow.turbulent,
             shedding=airflow.stepping == "time-resolved",
         )
-        found[name] = Approach(*law, met[name], turned, scales)
-    driven = with_driven_air(scene, {name: one.scales for name, one in found.items()})
-    return {name: replace(one, scales=driven[name]) for name, one in found.items()}
+        undriven[name] = Approach(*law, met[name], turned, scales)
+    driven = with_driven_air(scene, {name: approach.scales for name, approach in undriven.items()})
+    return {name: replace(approach, scales=driven[name]) for name, approach in undriven.items()}
 
 
 def _drag_scale(scene: Scene, name: str) -> float:
@@ -266,7 +266,7 @@ def feels_granules(
         if switched:
             raise SceneError(f"--force {LOADING}=on: {obstacle}")
         return False
-    limit, scales = limit_of(scene, target), (flight for one in approaches.values() for flight in one.scales)
+    limit, scales = limit_of(scene, target), (flight for approach in approaches.values() for flight in approach.scales)
     return bool(switched) or any(bounds[LOADING].shift(flight) > limit for flight in scales)
 
 
@@ -333,8 +333,8 @@ def _planned(
     together = whole_terms(airflow, collisions)
     gate = TermGate(flown, switches, target, airflow.turbulence, together, obstacle, motion.moved)
     fractions, chosen = {}, {}
-    for name, one in known.items():
-        fractions[name], chosen[name] = _decide(gate, name, one)
+    for name, approach in known.items():
+        fractions[name], chosen[name] = _decide(gate, name, approach)
     validity = _validity(flown, fractions, known, gate.limit)
     without_air, warned = _without_air(given, fractions) if chain else ([], [])
     strained = warning_lines(flown, airflow, fractions, validity, target, together)
@@ -373,7 +373,7 @@ def _under_load(
     """The airflow that the granules' force moves, where that matters, and how they come through it."""
     airflow = airflow.feeling(scene, loaded=feels_granules(scene, airflow, known, target, switches))
     driven = airflow.turbulence == JET
-    return airflow, {name: one.driven if driven else one for name, one in known.items()}
+    return airflow, {name: approach.driven if driven else approach for name, approach in known.items()}
 
 
 def _collisions(
@@ -391,13 +391,13 @@ def _collisions(
     switched = switches.get(COLLISIONS)
     if switched is None:
         limit = limit_of(scene, target)
-        switched = not obstacle and any(shifted(scene, one.met, one.scales) > limit for one in approaches.values())
+        switched = not obstacle and any(shifted(scene, way.met, way.scales) > limit for way in approaches.values())
     return plan_collisions(scene, _laws(approaches), target, paired=paired) if switched else None
 
 
 def _laws(approaches: Mapping[str, Approach]) -> dict[str, tuple[str, float]]:
     """Drag law of each fraction and the factor on it."""
-    return {name: (one.law, one.scale) for name, one in approaches.items()}
+    return {name: (approach.law, approach.scale) for name, approach in approaches.items()}
 
 
 def _decide(gate: TermGate, name: str, known: Approach) -> tuple[FractionPlan, TermSelection]:
@@ -430,9 +430,9 @@ def _validity(
     scene: Scene, fractions: Mapping[str, FractionPlan], approaches: Mapping[str, Approach], shift: float
 ) -> tuple[Limit, ...]:
     """What the feed rate strains, by the speeds and scales of the fractions; ``shift`` as of :func:`limits`."""
-    arrivals = {name: one.arrival_speed for name, one in fractions.items()}
-    scales = {name: one.scales for name, one in approaches.items() if one.scales}
-    met = {name: one.met for name, one in approaches.items()}
+    arrivals = {name: plan.arrival_speed for name, plan in fractions.items()}
+    scales = {name: approach.scales for name, approach in approaches.items() if approach.scales}
+    met = {name: approach.met for name, approach in approaches.items()}
     return tuple(limits(scene, arrivals, scales, met, shift))
 
 
@@ -462,9 +462,9 @@ def _sticking(scene: Scene, approaches: Mapping[str, Approach]) -> Iterator[Left
     if not scene.feed.rate:
         return
     mass = {name: float(np.median(granule_masses(scene, name))) for name in approaches}
-    for name, own in approaches.items():
-        heavy = [other for other in own.met.by if mass[name] < LIGHT * mass[other]]
-        met = sum(own.met.by[other] for other in heavy)
+    for name, approach in approaches.items():
+        heavy = [partner for partner in approach.met.by if mass[name] < LIGHT * mass[partner]]
+        met = sum(approach.met.by[partner] for partner in heavy)
         if met > 0.0:
             why = f"it meets {met:.2g} granules of {' or '.join(heavy)} in the mean; if it stayed on the first that it "
             why += f"met, {-math.expm1(-met):.0%} of it at most would land with these: no granule stays on another"

@@ -40,8 +40,8 @@ class CostEstimate:
 
     def __getitem__(self, name: str) -> float:
         """Number by its name: ``plan.estimate["seconds"]``."""
-        found: float = getattr(self, name)
-        return found
+        number: float = getattr(self, name)
+        return number
 
 
 class _Sendable:
@@ -55,7 +55,7 @@ class _Sendable:
                 object.__setattr__(self, name, MappingProxyType(dict(value)))
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
-        return type(self), tuple(dict(one) if isinstance(one, Mapping) else one for one in vars(self).values())
+        return type(self), tuple(dict(value) if isinstance(value, Mapping) else value for value in vars(self).values())
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Plan(_Sendable):
 
     def _repr_html_(self) -> str:
         """What a user must know, what is computed and what is left out, as a notebook shows it."""
-        left = (f"{one.name}: {one.why}" for one in self.left_out)
+        left = (f"{term.name}: {term.why}" for term in self.left_out)
         parts = (("notices", self.warnings), ("computed", self.used), ("left out", tuple(dict.fromkeys(left))))
         return "".join(
             f"<details{' open' if place == 0 else ''}><summary>{title}</summary><ul>"

@@ -153,16 +153,16 @@ def _kept_lines(scene: Scene) -> Iterator[str]:
     """What walls keep by the bins on them and by the fractions, and by how much the shares of other bins fall: of what
     meets such walls n times.
     """
-    found = [
-        (f"bin.{name}: its wall keeps", one.keeps_part, "")
-        for name, one in scene.bin.items()
-        if one.keeps_part and one.body not in scene.all_kept
+    keepers = [
+        (f"bin.{name}: its wall keeps", bin_.keeps_part, "")
+        for name, bin_ in scene.bin.items()
+        if bin_.keeps_part and bin_.body not in scene.all_kept
     ]
     for name, fraction in scene.fraction.items():
         if fraction.capture_speed or fraction.sticks:
             below = f" below {fraction.capture_speed:.2g} m/s" if fraction.capture_speed else ""
-            found.append((f"{name}: walls keep", 1.0 if fraction.sticks is None else fraction.sticks, below))
-    for whose, part, below in found:
+            keepers.append((f"{name}: walls keep", 1.0 if fraction.sticks is None else fraction.sticks, below))
+    for whose, part, below in keepers:
         once, twice, often = (1.0 - (1.0 - part) ** n for n in (1, 2, 5))
         grows = f": {once:.2g} of what meets them once, {twice:.2g} twice, {often:.2g} five times" if part < 1.0 else ""
         yield f"{whose} {part:.2g} of the impacts{below}{grows}; the other shares fall by at most as much"

@@ -60,12 +60,12 @@ def narrowest_gap(scene: Scene) -> Gap:
     outlines = {name: body.outline() for name, body in scene.body.items()}
     corners = np.concatenate([outline[:, 1] for outline in outlines.values()])
     levels = np.concatenate([corners - LEVEL_APART, corners + LEVEL_APART])
-    spans = {float(y): {name: span for name, one in outlines.items() if (span := _span(one, y))} for y in levels}
+    spans = {float(y): {name: span for name, line in outlines.items() if (span := _span(line, y))} for y in levels}
     level = max(spans, key=lambda y: _covered(list(spans[y].values())))
     width, beside = scene.channel.width, tuple(spans[level])
     free, slanting = width - _covered(list(spans[level].values())), between_walls(outlines.values(), width)
     if slanting < free:  # between bodies on both walls the way leads aside
-        free, beside = slanting, tuple(name for name, one in outlines.items() if wall_edge(one, width / 2))
+        free, beside = slanting, tuple(name for name, outline in outlines.items() if wall_edge(outline, width / 2))
     return Gap(free, scene.air.speed * width / free, beside)
 
 
@@ -95,7 +95,7 @@ def terminal_velocities(scene: Scene, name: str, plan: FractionPlan) -> Array:
     if measured is not None:
         return measured
     fine = fraction.diameters(QUANTILES)
-    return np.sort([UniformFall.of(scene, fraction, plan.drag, plan.drag_scale, one).granule.settling for one in fine])
+    return np.sort([UniformFall.of(scene, fraction, plan.drag, plan.drag_scale, d).granule.settling for d in fine])
 
 
 def _verdict(falls: float, rises: float) -> str:
@@ -119,7 +119,7 @@ def lifting_line(scene: Scene, fractions: Mapping[str, FractionPlan]) -> str:
 
 def _fate(scene: Scene, gap: Gap, name: str, speeds: Array) -> str:
     """``"wheat (7.5 to 8.1 m/s) is lifted beside it"``, the body."""
-    low, middle, high = (float(one) for one in speeds)
+    low, middle, high = (float(speed) for speed in speeds)
     spread = f"{low:.2g} to {high:.2g}" if f"{low:.2g}" != f"{high:.2g}" else f"{middle:.2g}"
     up = scene.airstream.rises
     middle *= math.cos(scene.channel.tilt)
@@ -189,7 +189,7 @@ def cascade_lines(scene: Scene, *, blown: bool) -> Iterator[str]:
     """
     seen = {name: scene.plumb.seen(body.outline()) for name, body in scene.body.items()}
     for lower, under in seen.items():
-        above = [name for name, one in seen.items() if one[:, 1].mean() > under[:, 1].mean()]
+        above = [name for name, outline in seen.items() if outline[:, 1].mean() > under[:, 1].mean()]
         throws = {name: [_thrown(scene, kind, seen[name], under) for kind in scene.fraction] for name in above}
         feed = [name for name in above if max(throws[name]) > apart(seen[name], under)]
         if feed:
@@ -260,14 +260,14 @@ def _narrow_gaps(scene: Scene) -> Iterator[Notice]:
     half = 0.5 * scene.channel.width
     gaps = [
         (off, f"{name} and the {side} wall")
-        for name, one in outlines.items()
-        for side, off in (("left", half + float(one[:, 0].min())), ("right", half - float(one[:, 0].max())))
+        for name, outline in outlines.items()
+        for side, off in (("left", half + float(outline[:, 0].min())), ("right", half - float(outline[:, 0].max())))
         if off > ON_WALL * half
     ]
-    for (name, one), (other_name, other) in combinations(outlines.items(), 2):
-        gaps.append((distance_between(one, other), f"{name} and {other_name}"))
+    for (name, outline), (other_name, other) in combinations(outlines.items(), 2):
+        gaps.append((distance_between(outline, other), f"{name} and {other_name}"))
     gap, where = min(gaps, default=(math.inf, ""))
-    size, kind = max((float(one.diameters(np.array([0.99]))[0]), name) for name, one in scene.fraction.items())
+    size, kind = max((float(grain.diameters(np.array([0.99]))[0]), name) for name, grain in scene.fraction.items())
     if size > gap:
         yield less_sure(
             f"{kind}: granules of {metres(size, 3)} do not pass the gap of {metres(gap, 3)} between {where}"
@@ -325,7 +325,7 @@ def _money(scene: Scene) -> str:
     price, feed = scene.price, scene.feed
     if not price.given:
         return ""
-    values = price.by_bin({name: tuple(one.targets) for name, one in scene.fraction.items()})
+    values = price.by_bin({name: tuple(fraction.targets) for name, fraction in scene.fraction.items()})
     shares, hourly = scene.mass_shares(), HOUR / TONNE * feed.mass_flow
     most = sum(hourly * shares[name] * max(0.0, *row.values()) for name, row in values.items())
     lines = [f"at most {most:.3g} EUR/h, with every fraction where it is worth most"] if values else []

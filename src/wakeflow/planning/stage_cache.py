@@ -133,7 +133,7 @@ class StageCache:
 def _spent_before(noted: Path) -> float:
     """What an interrupted stage took so far (s); 0 where nobody noted it, or a damaged disk did."""
     try:
-        found = read_json(noted)
+        spent = read_json(noted)
     except (OSError, SceneError):
         return 0.0
-    return float(found) if isinstance(found, int | float) and 0.0 <= found <= sys.float_info.max else 0.0
+    return float(spent) if isinstance(spent, int | float) and 0.0 <= spent <= sys.float_info.max else 0.0

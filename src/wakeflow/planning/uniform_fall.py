@@ -115,9 +115,9 @@ class UniformFall:
         air, tilt = scene.airstream, scene.channel.tilt
         speed = part * air.speed
         blows = speed if air.direction == "down" else -speed
-        own = diameter, fraction.properties.density, law, fraction.roundness, factor
+        granule = diameter, fraction.properties.density, law, fraction.roundness, factor
         wind = blows * math.cos(tilt), -blows * math.sin(tilt)
-        return cls(scene, FallingGranule(*own, *wind, air.density, air.viscosity, scene.gravity), speed)
+        return cls(scene, FallingGranule(*granule, *wind, air.density, air.viscosity, scene.gravity), speed)
 
     def times(self) -> FallTimes:
         """Times and speeds of the whole fall; without a body from the entry to the end."""

@@ -80,12 +80,12 @@ class Unknown:
 
 @dataclass(frozen=True)
 class UnknownKind:
-    """A kind of unknown: those of a scene under a plan (``found``), how one that is ``Drawn`` varies a run (``vary``),
-    whether it varies the air, between which numbers (``span``) every draw of it stays: what is drawn beyond is taken as
-    the end; whether it is ``lateral``: the mirror image of a machine has it with the other sign.
+    """A kind of unknown: those of a scene under a plan (``acting_in``), how one that is ``Drawn`` varies a run
+    (``vary``), whether it varies the air, between which numbers (``span``) every draw of it stays: what is drawn beyond
+    is taken as the end; whether it is ``lateral``: the mirror image of a machine has it with the other sign.
     """
 
-    found: Callable[[Scene, Plan], Iterator[Unknown]]
+    acting_in: Callable[[Scene, Plan], Iterator[Unknown]]
     vary: Callable[[Drawn], Variation]
     of_air: bool = False
     span: tuple[float, float] = (0.0, math.inf)
@@ -127,7 +127,7 @@ def unknowns(scene: Scene, plan: Plan) -> list[Unknown]:
 
 def numbers(scene: Scene, plan: Plan) -> list[Unknown]:
     """All numbers of ``scene`` under ``plan``, with what is exact: an unknown that is off by nothing."""
-    return [unknown for name in unknown_kinds for unknown in unknown_kinds[name].found(scene, plan)]
+    return [unknown for name in unknown_kinds for unknown in unknown_kinds[name].acting_in(scene, plan)]
 
 
 def variation_at(scene: Scene, plan: Plan, known: Sequence[Unknown], z: Array) -> Variation:
@@ -142,20 +142,20 @@ def _unknown(
     scene: Scene, key: str, entry: str, value: float, unit: str, confidence: str = "all", fraction: str = ""
 ) -> Unknown:
     """The number at ``key``, as far off on either side as the scene says or by the default for the ``entry``."""
-    own, why = margins_of(scene.uncertainty).get(key), "the scene"
+    margin, why = margins_of(scene.uncertainty).get(key), "the scene"
     causes: tuple[tuple[str, float], ...] = ()
-    if own is None:
+    if margin is None:
         default = default_margins()[entry]
         how = "given without" if confidence == GIVEN else f"confidence {confidence},"
-        own = default.half(value, confidence, scene.width)
+        margin = default.half(value, confidence, scene.width)
         why = f"default ({how} uncertainty; {default.status})"
         lot = (scene.fraction[fraction].material or "") if fraction and confidence != GIVEN else ""
         if lot and not math.isnan(half := materials[lot].half_of(entry)):
-            own, why = half * value / getattr(materials[lot], entry), f"material {lot}"
-        causes = _causes(entry, lot, own, default.of_plate(value), lambda how: default.half(value, how, scene.width))
-    elif isinstance(own, str):
-        own = 0.01 * known(split_quantity(own))[0] * abs(value)
-    return Unknown(key, entry, value, own, own, unit, why, fraction, causes)
+            margin, why = half * value / getattr(materials[lot], entry), f"material {lot}"
+        causes = _causes(entry, lot, margin, default.of_plate(value), lambda how: default.half(value, how, scene.width))
+    elif isinstance(margin, str):
+        margin = 0.01 * known(split_quantity(margin))[0] * abs(value)
+    return Unknown(key, entry, value, margin, margin, unit, why, fraction, causes)
 
 
 Half = Callable[[str], float]  # of the 95 % interval of a number that is known with a confidence
@@ -180,11 +180,11 @@ def _lots(quantity: str, lot: str, half: float, at: Half) -> Iterator[tuple[str,
     """The materials that a number rests on, each with its part of the standard deviation: one that is "as wheat" is
     wheat's and how far it is off that, which makes its interval as much wider.
     """
-    other = materials[lot].like(quantity)
-    common = 0.0 if not other or half == 0.0 else min(1.0, at(materials[other].confidence_in(quantity)) / half)
+    model = materials[lot].like(quantity)
+    common = 0.0 if not model or half == 0.0 else min(1.0, at(materials[model].confidence_in(quantity)) / half)
     yield lot, math.sqrt(1.0 - common**2)
     if common > 0.0:
-        yield from ((name, common * part) for name, part in _lots(quantity, other, common * half, at))
+        yield from ((name, common * part) for name, part in _lots(quantity, model, common * half, at))
 
 
 def _ranged(scene: Scene, key: str, number: Number, why: str) -> Unknown:
@@ -218,12 +218,12 @@ def _drag(drawn: Drawn, faster: float, size: float = 1.0, density: float = 1.0) 
     """
     how, fraction = drawn.plan.fractions[drawn.unknown.fraction], drawn.scene.fraction[drawn.unknown.fraction]
     granule, law = fraction.properties, (*STANDARD_AIR, GRAVITY, how.drag, fraction.roundness)
-    own, other = (
+    before, after = (
         float(drag_factor_for_terminal_velocity(d * granule.diameter, rho * granule.density, v * speed, *law))
         for speed in [known(how.terminal_velocity)]
         for d, rho, v in ((1.0, 1.0, 1.0), (size, density, faster))
     )
-    return other / own
+    return after / before
 
 
 def _vary_size(drawn: Drawn) -> Variation:
@@ -239,7 +239,7 @@ def _vary_density(drawn: Drawn) -> Variation:
 
 def _vary_moisture(drawn: Drawn) -> Variation:
     """What was measured of the material at both ends, where the scene gives no number of its own for it."""
-    scene, plan, name, own = drawn.scene, drawn.plan, drawn.unknown.fraction, drawn.granules
+    scene, plan, name, base = drawn.scene, drawn.plan, drawn.unknown.fraction, drawn.granules
     fraction = scene.fraction[name]
     wet = _water(fraction)
     moved = dict.fromkeys(WET, 1.0) | {
@@ -250,7 +250,7 @@ def _vary_moisture(drawn: Drawn) -> Variation:
     timed = None not in (fraction.measured_settling, plan.fractions[name].terminal_velocity)
     drag = _drag(drawn, faster, size, density) if timed and _has_air(scene, plan) else 1.0
     return drawn.with_granules(
-        size=own.size * size, density=own.density * density, friction=own.friction * friction, drag=own.drag * drag
+        size=base.size * size, density=base.density * density, friction=base.friction * friction, drag=base.drag * drag
     )
 
 
@@ -275,8 +275,8 @@ def _water(fraction: Fraction) -> Moisture:
 
 def _settles(scene: Scene, plan: Plan, name: str) -> bool:
     """Whether the granules of a fraction fall as its material's do, in air."""
-    own, here = scene.fraction[name].terminal_velocity, plan.fractions[name].terminal_velocity
-    return _has_air(scene, plan) and own is None and here is not None
+    given, here = scene.fraction[name].terminal_velocity, plan.fractions[name].terminal_velocity
+    return _has_air(scene, plan) and given is None and here is not None
 
 
 # -- of a fraction -----------------------------------------------------------------------------------------------------
@@ -284,8 +284,8 @@ def _settles(scene: Scene, plan: Plan, name: str) -> bool:
 
 def _how_known(fraction: Fraction, _name: str) -> str:
     """How well it is known how granules turn: as their material's impact model is, or given."""
-    own = fraction.impact or fraction.own_inertia
-    return GIVEN if own or not fraction.material else materials[fraction.material].evidence["impact"].confidence
+    given = fraction.impact or fraction.own_inertia
+    return GIVEN if given or not fraction.material else materials[fraction.material].evidence["impact"].confidence
 
 
 def _add_of_fractions(
@@ -312,8 +312,8 @@ def _add_of_fractions(
 
 
 def _restitution(fraction: Fraction) -> float:
-    own = fraction.properties.restitution
-    return float(own(np.ones(1))[0]) if isinstance(own, Restitution) else float(own)
+    restitution = fraction.properties.restitution
+    return float(restitution(np.ones(1))[0]) if isinstance(restitution, Restitution) else float(restitution)
 
 
 def _inverse_inertia(fraction: Fraction) -> float:
@@ -526,7 +526,7 @@ class Dependence:
 
     def among(self, which: NDArray[np.bool_]) -> Dependence:
         """This dependence with the orders of ``which`` unknowns (K,) and exact numbers alone."""
-        others = {unknown.key for unknown, own in zip(self.unknowns, which, strict=True) if not own}
+        others = {unknown.key for unknown, kept in zip(self.unknowns, which, strict=True) if not kept}
         return replace(
             self, orders=tuple(pair for pair in self.orders if not others & {unknown.key for unknown in pair})
         )
@@ -540,7 +540,7 @@ def dependence(scene: Scene, plan: Plan, unknowns: Sequence[Unknown]) -> Depende
     said = said_of(scene.uncertainty)
     causes = [{} if unknown.key in said else dict(unknown.causes) for unknown in unknowns]
     every = sorted(set().union(*causes))
-    parts = np.array([[own.get(cause, 0.0) for cause in every] for own in causes]).reshape(len(causes), len(every))
+    parts = np.array([[part.get(cause, 0.0) for cause in every] for part in causes]).reshape(len(causes), len(every))
     common = parts @ parts.T
     np.fill_diagonal(common, 0.0)
     return Dependence(tuple(unknowns), correlation + common, orders(scene, plan))
@@ -553,12 +553,12 @@ def orders(scene: Scene, plan: Plan) -> tuple[tuple[Unknown, Unknown], ...]:
     """
     pairs = orders_of(scene.uncertainty)
     acting = {unknown.key: unknown for unknown in numbers(scene, plan)} if pairs else {}
-    found = tuple((acting[low], acting[high]) for low, high in pairs if low in acting and high in acting)
-    for low, high in found:
+    acting_pairs = tuple((acting[low], acting[high]) for low, high in pairs if low in acting and high in acting)
+    for low, high in acting_pairs:
         if low.value > high.value:
-            own, other = (f"{unknown.key} = {say(unknown.value, unknown.unit, 4)}" for unknown in (low, high))
-            raise SceneError(f"uncertainty.never_above: {own} is above {other}; change one, or leave this order out")
-    return found
+            first, second = (f"{unknown.key} = {say(unknown.value, unknown.unit, 4)}" for unknown in (low, high))
+            raise SceneError(f"uncertainty.never_above: {first} is above {second}; change one, or leave this order out")
+    return acting_pairs
 
 
 def correlated(xi: Array, covariance: Array, first: NDArray[np.bool_]) -> Array:
@@ -566,6 +566,6 @@ def correlated(xi: Array, covariance: Array, first: NDArray[np.bool_]) -> Array:
     ``first`` (K,) go with each other alone: what several rows have in common of them, they have in common still.
     """
     order = np.argsort(~first, kind="stable")
-    found = np.empty_like(xi)
-    found[:, order] = xi[:, order] @ np.linalg.cholesky(covariance[np.ix_(order, order)]).T
-    return found
+    drawn = np.empty_like(xi)
+    drawn[:, order] = xi[:, order] @ np.linalg.cholesky(covariance[np.ix_(order, order)]).T
+    return drawn

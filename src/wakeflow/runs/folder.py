@@ -37,13 +37,13 @@ def versions() -> dict[str, str]:
 
     from .. import __version__
 
-    found = {"python": sys.version.split()[0], "wakeflow": __version__}
+    installed = {"python": sys.version.split()[0], "wakeflow": __version__}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            installed[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "missing"
-    return found
+            installed[package] = "missing"
+    return installed
 
 
 def answer_key(scene: Scene, request: Request, *more: object) -> str:
@@ -94,15 +94,15 @@ def drawn_ahead(pipeline: Pipeline, seen: AirAndTracks, *, pdf: bool) -> list[Pa
     from ..show import draw_ahead
     from ..show.vtk import write_field
 
-    scene, found = pipeline.scene, list[Path]()
+    scene, folders = pipeline.scene, list[Path]()
     if seen.field is not None:
-        asked = scene.numerics.snapshots, scene.symmetric, version_of("pyvista")
-        key = content_key("vtk", pipeline.field[0], *asked, code_of("show.vtk"))
+        settings = scene.numerics.snapshots, scene.symmetric, version_of("pyvista")
+        key = content_key("vtk", pipeline.field[0], *settings, code_of("show.vtk"))
         work = partial(write_field, field=seen.field, scene=scene, airflow=seen.airflow)
-        found.append(pipeline.cache.make("vtk", key, work))
+        folders.append(pipeline.cache.make("vtk", key, work))
     drawn_by = code_of("show.figures", "show.vtk"), version_of("pyvista"), version_of("matplotlib")
     key = content_key("drawings", pipeline.tracks_key, scene.tables(), pdf, *drawn_by)
-    return [*found, pipeline.cache.make("drawings", key, partial(draw_ahead, seen=seen, pdf=pdf))]
+    return [*folders, pipeline.cache.make("drawings", key, partial(draw_ahead, seen=seen, pdf=pdf))]
 
 
 def report_into(
@@ -122,8 +122,8 @@ def report_into(
     ahead = drawn_ahead(pipeline, seen, pdf=pdf)
     pipeline.listener("report", "drawing")
     landings = {
-        name: Landed(found.position[:, 0], found.position[:, 1], found.mass_shares, found.bin)
-        for name, found in answer.items()
+        name: Landed(landed.position[:, 0], landed.position[:, 1], landed.mass_shares, landed.bin)
+        for name, landed in answer.items()
     }
     shown = {name: pipeline.shown(picture) for name, picture in pipeline.scene.picture.items()}
     outcome = Outcome(**vars(seen), landings=landings, result=result, shown=shown, granules=granules)

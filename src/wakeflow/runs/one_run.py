@@ -80,7 +80,7 @@ if TYPE_CHECKING:
 class OneRun:
     """One run: the scene as asked for, the pipeline that computes it, and where its answer goes."""
 
-    asked: Scene
+    given: Scene
     pipeline: Pipeline
     poured: FunnelSummary | None
     folder: Path
@@ -101,7 +101,7 @@ class OneRun:
         key, solver = self._key(flies=flown is not None), "" if airflow is None else pipeline.air.solver
         result = Result(
             schema=SCHEMA,
-            scene=self.asked.tables(),
+            scene=self.given.tables(),
             options=self.request,
             plan=pipeline.plan,
             funnel=self.poured,
@@ -140,13 +140,13 @@ class OneRun:
     def _warned(self, result: Result, of_flights: Iterable[Notice]) -> Result:
         """The result with what a user must know of it; of its granules that are the notices ``of_flights``."""
         scene, pipeline = self.pipeline.scene, self.pipeline
-        found = [] if result.airflow is None else air_notices(scene, pipeline, result.airflow)
+        notices = [] if result.airflow is None else air_notices(scene, pipeline, result.airflow)
         if self.poured is not None:
-            found += map(less_sure, discharge_lines(self.poured))
+            notices += map(less_sure, discharge_lines(self.poured))
         elif scene.funnel is not None and not scene.funnel.computed:
-            found.append(less_sure(by_law_line(scene.funnel)))
+            notices.append(less_sure(by_law_line(scene.funnel)))
         small = total_notices(result.budget, pipeline.plan.target_error)
-        known = gravest_first((*found, *of_flights, *pipeline.plan.notices, *small))
+        known = gravest_first((*notices, *of_flights, *pipeline.plan.notices, *small))
         return replaced(
             result,
             warnings=tuple(notice.text for notice in known),
@@ -227,7 +227,7 @@ class OneRun:
         """What the answer depends on."""
         collisions = self.pipeline.collisions_key if flies and self.request.until is None else None
         tracks = self.pipeline.tracks_key if flies else None
-        return answer_key(self.asked, self.request, self.pipeline.plan.summary(), tracks, collisions)
+        return answer_key(self.given, self.request, self.pipeline.plan.summary(), tracks, collisions)
 
     def _drawn(self, result: Result, landings: Mapping[str, Landings]) -> Result:
         """The result with the pictures of its report, which is drawn where it is not in the folder already."""
@@ -291,21 +291,21 @@ def run(
     ``redraw`` draws a finished report anew; without ``report`` none is drawn, and a later call without that draws it.
     Raises SceneError for wrong input, ProgramError when Gmsh or OpenFOAM fails.
     """
-    asked, folder = Scene.of(scene), folder_of(scene, out)
+    given, folder = Scene.of(scene), folder_of(scene, out)
     request = Request.of(until, rung, force, target_error, near)
     listener, planned = as_listener(listener, planned)
     once = partial(
         run_once, folder=folder, request=request, workers=workers, listener=listener, planned=planned, redraw=redraw
     )
     if quick or budget is not None:
-        asked, request = affordable(asked, request, partial(once, report=False), listener, quick=quick, budget=budget)
-        return once(asked, request=request, report=report)
+        given, request = affordable(given, request, partial(once, report=False), listener, quick=quick, budget=budget)
+        return once(given, request=request, report=report)
     if request.target_error is None or until is not None or not refine:
-        return once(asked, report=report)
+        return once(given, report=report)
 
-    plan = make_plan(asked, rung=rung, force=request.force, target_error=request.target_error)
-    found = refined(asked, request.target_error, partial(once, report=False), plan, listener)
-    return once(Scene.parse(found.scene), report=True, refinement=found.refinement) if report else found
+    plan = make_plan(given, rung=rung, force=request.force, target_error=request.target_error)
+    result = refined(given, request.target_error, partial(once, report=False), plan, listener)
+    return once(Scene.parse(result.scene), report=True, refinement=result.refinement) if report else result
 
 
 def folder_of(scene: Scene | Path | str, out: Path | str | None) -> Path:
@@ -351,10 +351,10 @@ def running(
         remove_drafts(folder)
         remove_drafts(folder / "figures")
         pipeline, poured = stages_of(scene, request, workers, listener, planned, made)
-        asked = as_blown(scene, pipeline)
-        yield OneRun(asked, pipeline, poured, folder, request, redraw, report, refinement, pdf)
+        blown = as_blown(scene, pipeline)
+        yield OneRun(blown, pipeline, poured, folder, request, redraw, report, refinement, pdf)
         if workers is None and request.near is None:  # all cores, from rest: as the plan expects it
-            spent = {stage: one.seconds for stage, one in pipeline.seconds.items() if not one.cached}
+            spent = {stage: took.seconds for stage, took in pipeline.seconds.items() if not took.cached}
             learn(pipeline.store.root, pipeline.plan.stages, spent)
 
 
@@ -379,10 +379,10 @@ def report_again(folder: Path | str, *, pdf: bool = False) -> Path:
 
     Raises SceneError where the folder holds no finished run.
     """
-    scene, asked = request_in(folder)
+    scene, request = request_in(folder)
     if (calibration := Result.load(folder).calibration) is not None:
         raise SceneError(
             f"{folder} holds an answer that was calibrated with {calibration.source}; wakeflow calibrate draws it anew"
         )
-    run_once(Scene.parse(scene), Path(folder), asked, redraw=True, refinement=refinement_in(folder), pdf=pdf)
+    run_once(Scene.parse(scene), Path(folder), request, redraw=True, refinement=refinement_in(folder), pdf=pdf)
     return Path(folder) / "report.html"

@@ -60,7 +60,7 @@ class RunProgress:
         if text.startswith(FROM_CACHE):
             self.cached.add(stage)
         if text.startswith(FROM_CACHE) and not self.done[stage]:  # what costs nothing now says nothing of the pace
-            self.expected = [one for one in self.expected if one.name != stage]
+            self.expected = [cost for cost in self.expected if cost.name != stage]
         elif text.startswith(DONE):
             began = self.under_way.pop(stage, None)
             if began is not None and not text.startswith(FROM_CACHE):
@@ -72,7 +72,7 @@ class RunProgress:
     @property
     def number(self) -> int:
         """The place of the stage that is under way among the expected ones, counted from one."""
-        return min(len(self.expected), 1 + sum(self.done[one.name] >= one.times for one in self.expected))
+        return min(len(self.expected), 1 + sum(self.done[cost.name] >= cost.times for cost in self.expected))
 
     @property
     def part(self) -> float:
@@ -88,35 +88,35 @@ class RunProgress:
         if not self.expected:
             return None
         paces = self._paces()
-        ahead = [replace(one, seconds=one.seconds * paces[one.key.stage.work]) for one in self._ahead()]
+        ahead = [replace(cost, seconds=cost.seconds * paces[cost.key.stage.work]) for cost in self._ahead()]
         return wall_seconds(ahead, self.cores)
 
     def _paces(self) -> dict[str, float]:
         """Seconds that stages take over those expected of them, by kind of work."""
-        sums = {one.key.stage.work: [TRUSTED, TRUSTED] for one in self.expected}
-        for one, taken, expected in self._seen():
-            both = sums[one.key.stage.work]
+        sums = {cost.key.stage.work: [TRUSTED, TRUSTED] for cost in self.expected}
+        for cost, taken, expected in self._seen():
+            both = sums[cost.key.stage.work]
             both[0], both[1] = both[0] + taken, both[1] + expected
         return {kind: taken / expected for kind, (taken, expected) in sums.items()}
 
     def _seen(self) -> Iterator[tuple[StageCost, float, float]]:
         """Stages that are done or overdue, with the seconds that they took so far and those expected of them."""
         now = self.clock()
-        for one in self.expected:
-            if one.name in self.took:
-                yield one, self.took[one.name], self.done[one.name] * one.seconds
-            if now - self.under_way.get(one.name, now) > one.seconds:
-                yield one, now - self.under_way[one.name], one.seconds
+        for cost in self.expected:
+            if cost.name in self.took:
+                yield cost, self.took[cost.name], self.done[cost.name] * cost.seconds
+            if now - self.under_way.get(cost.name, now) > cost.seconds:
+                yield cost, now - self.under_way[cost.name], cost.seconds
 
     def _ahead(self) -> list[StageCost]:
         """The stages with what they were expected to take still."""
-        now, found = self.clock(), []
-        for one in self.expected:
-            ahead = max(0, one.times - self.done[one.name]) * one.seconds
-            if ahead and one.name in self.under_way:
-                ahead -= min(now - self.under_way[one.name], OVERDUE * one.seconds)
-            found.append(replace(one, seconds=ahead, times=1))
-        return found
+        now, costs = self.clock(), []
+        for cost in self.expected:
+            ahead = max(0, cost.times - self.done[cost.name]) * cost.seconds
+            if ahead and cost.name in self.under_way:
+                ahead -= min(now - self.under_way[cost.name], OVERDUE * cost.seconds)
+            costs.append(replace(cost, seconds=ahead, times=1))
+        return costs
 
     def __str__(self) -> str:
         """Stage n of m, and the time left; empty where nothing is known. The time reported before grows by a quarter

@@ -71,13 +71,13 @@ def unreached_lines(
     worst: dict[tuple[str, str], _Obstacle] = {}
     unknown: dict[str, str] = {}
     for row in rows:
-        for found in _obstacles(row, now, target):
-            at = found.name, found.part.source
-            if at not in worst or found.error > worst[at].error:
-                worst[at] = found
+        for obstacle in _obstacles(row, now, target):
+            at = obstacle.name, obstacle.part.source
+            if at not in worst or obstacle.error > worst[at].error:
+                worst[at] = obstacle
         if any(part.error is None for part in row.parts) and row.total.note:
             unknown.setdefault(row.total.note, row.quantity.removeprefix("share."))
-    lines = [_line(found, scene, plan) for found in sorted(worst.values(), key=lambda one: -one.error)]
+    lines = [_line(obstacle, scene, plan) for obstacle in sorted(worst.values(), key=lambda obstacle: -obstacle.error)]
     return (*lines, *(f"{place}: {note}" for note, place in unknown.items()))
 
 
@@ -95,21 +95,21 @@ def _obstacles(row: BudgetRow, now: RefinedSettings, target: float) -> Iterator[
         yield _Obstacle(name, place, part)
 
 
-def _line(found: _Obstacle, scene: Scene, plan: Plan) -> str:
+def _line(obstacle: _Obstacle, scene: Scene, plan: Plan) -> str:
     """One obstacle in words, with what to do."""
-    source = found.part.source
-    where, much = f"{found.name} in {found.place}", f"{100 * found.error:.2g} points"
-    if found.part.kind in (LEFT_OUT, NOT_COMPUTED):
-        return f"{where}: {source} is not computed and could change it by up to {much}: {_switch(found, scene, plan)}"
-    return f"{where}: {source} stays at {much}: {source_of(found.part).if_large}"
+    source = obstacle.part.source
+    where, by = f"{obstacle.name} in {obstacle.place}", f"{100 * obstacle.error:.2g} points"
+    if obstacle.part.kind in (LEFT_OUT, NOT_COMPUTED):
+        return f"{where}: {source} is not computed and could change it by up to {by}: {_switch(obstacle, scene, plan)}"
+    return f"{where}: {source} stays at {by}: {source_of(obstacle.part).if_large}"
 
 
-def _switch(found: _Obstacle, scene: Scene, plan: Plan) -> str:
+def _switch(obstacle: _Obstacle, scene: Scene, plan: Plan) -> str:
     """How to have a term computed, or why it cannot be."""
-    source = found.part.source
+    source = obstacle.part.source
     if source not in bounds:
         return OTHERS.get(source, "nothing in this version computes it")
-    key = source if source in WHOLE_RUN else f"{found.name}.{source}"
+    key = source if source in WHOLE_RUN else f"{obstacle.name}.{source}"
     try:
         check_switches(plan.airflow.flown(scene), {key: True}, plan.airflow.turbulence)
     except SceneError as problem:

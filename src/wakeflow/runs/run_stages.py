@@ -81,15 +81,15 @@ def _blown(pipeline: Pipeline, plan_of: Callable[[Scene], Plan]) -> Pipeline:
     once the speed lies within the interval that the answer takes it to have; what is left is in the result.
     """
     steady = pipeline.plan.airflow.stepping == "steady"
-    for own in (True,) if steady else (False, True):
-        loaded = own and pipeline.plan.airflow.loaded
+    for of_answer in (True,) if steady else (False, True):
+        loaded = of_answer and pipeline.plan.airflow.loaded
         for _ in range(FEW):
-            scene, air = pipeline.scene, pipeline.air if own else pipeline.airs.bare_steady[0]
-            found, speed = known(air.numbers.by_fan(scene, loaded=loaded)), scene.airstream.speed
-            near = found.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed))
-            if near or not found.meets > 0.0:
+            scene, air = pipeline.scene, pipeline.air if of_answer else pipeline.airs.bare_steady[0]
+            point, speed = known(air.numbers.by_fan(scene, loaded=loaded)), scene.airstream.speed
+            near = point.off <= max(EVEN * speed, half_of(scene, "air.speed", "air_speed", speed))
+            if near or not point.meets > 0.0:
                 break
-            pipeline.listener("airflow", f"the fan has the air at {found.meets:.3g} m/s by its drop, not {speed:.3g}")
+            pipeline.listener("airflow", f"the fan has the air at {point.meets:.3g} m/s by its drop, not {speed:.3g}")
             blown = scene.replace({CHANNEL: air.numbers.loss(scene, loaded=loaded)})
             plan = plan_of(blown)
             pipeline = replace(pipeline, scene=plan.airflow.flown(blown), plan=plan)

@@ -119,15 +119,15 @@ def settings_of(scene: Scene, plan: Plan) -> RefinedSettings:
     )
 
 
-def cheapest(own: RefinedSettings, target: float) -> RefinedSettings:
-    """Settings of the first pass, which measures how the errors stand: never finer than the scene's ``own``."""
-    count, asked = max(MIN_PASS_GRANULES, 2 ** ceil(log2(IN_FIRST / target))), values(own)
+def cheapest(settings: RefinedSettings, target: float) -> RefinedSettings:
+    """Settings of the first pass, which measures how the errors stand: never finer than the scene's ``settings``."""
+    count, numbers = max(MIN_PASS_GRANULES, 2 ** ceil(log2(IN_FIRST / target))), values(settings)
     pass_at = {"granules": count, "tolerance": LOOSER * target, "slab": count}
-    if "mesh" in asked:
-        pass_at["mesh"] = min(COARSER_MESH * asked["mesh"], COARSEST)
-    for name in pass_at.keys() & asked.keys():
-        own = knobs[name].at(own, knobs[name].coarser(asked[name], pass_at[name]))
-    return own
+    if "mesh" in numbers:
+        pass_at["mesh"] = min(COARSER_MESH * numbers["mesh"], COARSEST)
+    for name in pass_at.keys() & numbers.keys():
+        settings = knobs[name].at(settings, knobs[name].coarser(numbers[name], pass_at[name]))
+    return settings
 
 
 def finer(first: RefinedSettings, second: RefinedSettings) -> RefinedSettings:
@@ -211,7 +211,7 @@ def _roughly(scene: Scene, request: Request, seconds: float) -> tuple[Scene, Req
 def _loading_seconds(scene: Scene, request: Request) -> float:
     """What the granules' force on the air is expected to take."""
     stages = _planned(scene, request).stages
-    return sum(one.whole for one in stages if one.key.heading == "air loading" or one.key.name == "loaded-airflow")
+    return sum(cost.whole for cost in stages if cost.key.heading == "air loading" or cost.key.name == "loaded-airflow")
 
 
 def _thin(scene: Scene, request: Request) -> Scene:
@@ -220,7 +220,7 @@ def _thin(scene: Scene, request: Request) -> Scene:
     many = 0.0 if collisions is None else sum(collisions.in_flight.values()) / FEW_IN_FLIGHT
     if collisions is None or many <= 1.0 + ROUNDING:
         return scene
-    coarsest = max(float(one.diameters(np.array([0.5]))[0]) for one in scene.fraction.values())
+    coarsest = max(float(fraction.diameters(np.array([0.5]))[0]) for fraction in scene.fraction.values())
     return scene.replace({"collisions.depth": min(collisions.depth, max(THINNEST * coarsest, collisions.depth / many))})
 
 
@@ -236,16 +236,16 @@ EFFORTS = (
 def quick_settings(scene: Scene, how: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """The scene of a quick answer and how to ask for it: ``rung``, ``force`` and ``target_error`` as of a plan."""
     request = Request.of(None, how.get("rung"), how.get("force"), how.get("target_error"), None)
-    coarse, asked = QUICK.of(scene, request)
-    return coarse, {**how, "rung": asked.rung, "force": asked.force}
+    coarse, quick = QUICK.of(scene, request)
+    return coarse, {**how, "rung": quick.rung, "force": quick.force}
 
 
 def quick_keys(scene: Scene) -> JsonTable:
     """What a quick answer changes of a scene, by dotted key."""
-    coarse, asked = QUICK.of(scene, Request.of())
-    own, switches = flat(scene.tables()), {f"force.{term}": on for term, on in asked.force.items()}
-    found = {key: value for key, value in flat(coarse.tables()).items() if own.get(key) != value}
-    return {**found, **({} if asked.rung is None else {"numerics.rung": asked.rung}), **switches}
+    coarse, quick = QUICK.of(scene, Request.of())
+    before, switches = flat(scene.tables()), {f"force.{term}": on for term, on in quick.force.items()}
+    changed = {key: value for key, value in flat(coarse.tables()).items() if before.get(key) != value}
+    return {**changed, **({} if quick.rung is None else {"numerics.rung": quick.rung}), **switches}
 
 
 # -- What a round costs: as its plan expects, or as the stages of another took, by how each goes with the knobs --------
@@ -330,10 +330,10 @@ def solved_before(scene: Scene, plan: Plan) -> frozenset[str]:
 
 def _power(spent: Mapping[str, StageTime]) -> float:
     """Power of the tolerance that a flight's time goes with, as the companion with finer steps shows it."""
-    own, finer = spent.get("tracks"), spent.get(FINER_STEPS)
-    if own is None or finer is None or min(own.seconds, finer.seconds) <= 2.0 * OVERHEAD:
+    flown, finer = spent.get("tracks"), spent.get(FINER_STEPS)
+    if flown is None or finer is None or min(flown.seconds, finer.seconds) <= 2.0 * OVERHEAD:
         return MIN_POWER
-    slower = finer.seconds / own.seconds * REPLICATES / COMPARED
+    slower = finer.seconds / flown.seconds * REPLICATES / COMPARED
     return min(max(log(max(slower, 1.0)) / log(1.0 / FINER), MIN_POWER), MAX_POWER)
 
 
@@ -452,12 +452,12 @@ SURELY = 0.95  # of what is left: what a round is expected to take at most, as t
 def seconds_of(given: float | str) -> float:
     """A budget in s, from a number or a text such as "3 min". Raises SceneError for anything else."""
     try:
-        found = quantity(given, "s", "3 min") if isinstance(given, str) else float(given)
+        seconds = quantity(given, "s", "3 min") if isinstance(given, str) else float(given)
     except (TypeError, ValueError) as problem:
         raise SceneError(f"budget = {given!r}: {problem}") from None
-    if not found > 0.0:
+    if not seconds > 0.0:
         raise SceneError(f"budget = {given!r}: must be above 0")
-    return found
+    return seconds
 
 
 Round = tuple[Scene, Request, Plan]
@@ -579,6 +579,6 @@ def affordable(
     if budget is None:
         return QUICK.of(scene, request)
     rounds = Within(
-        seconds_of(budget), scene, request, lambda one, how, heard: compute(one, request=how, listener=heard), listener
+        seconds_of(budget), scene, request, lambda tried, how, to: compute(tried, request=how, listener=to), listener
     )
     return rounds.best()

@@ -358,8 +358,8 @@ class Fraction(Table):
         if not self.material or self._gives("size" if name == "diameter" else name):
             return "given", "the scene"
         material = materials[self.material]
-        found = material.evidence.get(name, material)
-        return found.confidence, f"{self.material}: {found.source}"
+        evidence = material.evidence.get(name, material)
+        return evidence.confidence, f"{self.material}: {evidence.source}"
 
     @property
     def spread_material(self) -> Material:

@@ -146,7 +146,7 @@ class Measured:
         are of the sum of all.
         """
         for name in self.summed:
-            wanted = {bin_ for other, bin_ in known if name in (None, other)} - {RESERVED_BIN}
+            wanted = {bin_ for of, bin_ in known if name in (None, of)} - {RESERVED_BIN}
             if lacking := sorted(wanted - {place for fraction, place in self.places if fraction == name}):
                 missing = f"no mass or count in {', '.join(lacking)}"
                 raise SceneError(f"measured: {name or 'all fractions'}: {missing}; give 0 where nothing lay")

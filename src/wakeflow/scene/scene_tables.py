@@ -251,13 +251,13 @@ def _switches(value: object) -> object:
 LENGTH_ROUNDING = 1e-9  # m, and of a unit vector: what is so near is the same
 
 
-def _same_line(one: Array, other: Array) -> bool:
+def _same_line(first: Array, second: Array) -> bool:
     """Whether two lines (k, 2) of points are one, from either end, or closed ones with the same corners."""
-    if len(one) == len(other) > 3 and all(np.array_equal(line[0], line[-1]) for line in (one, other)):
-        gaps = np.abs(one[:, None] - other).max(axis=2)
+    if len(first) == len(second) > 3 and all(np.array_equal(line[0], line[-1]) for line in (first, second)):
+        gaps = np.abs(first[:, None] - second).max(axis=2)
         return bool(max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) <= LENGTH_ROUNDING)
-    return one.shape == other.shape and any(
-        np.allclose(one, way, rtol=0.0, atol=LENGTH_ROUNDING) for way in (other, other[::-1])
+    return first.shape == second.shape and any(
+        np.allclose(first, way, rtol=0.0, atol=LENGTH_ROUNDING) for way in (second, second[::-1])
     )
 
 
@@ -369,8 +369,8 @@ class SceneTables(Table):
     def symmetric(self) -> bool:
         """Whether bodies and secondary streams are their own mirror image about x = 0, as the channel is."""
         rows = [(i.side, i.position, i.width, i.velocity) for i in self.channel.inlet.values()]
-        other = {"left": "right", "right": "left"}
-        paired = all((other[side], *rest) in rows for side, *rest in rows)
+        opposite = {"left": "right", "right": "left"}
+        paired = all((opposite[side], *rest) in rows for side, *rest in rows)
         return paired and are_symmetric([body.outline() for body in self.body.values()])
 
     @property

@@ -61,19 +61,19 @@ def with_uncertainty_table(data: Mapping[str, object]) -> Mapping[str, object]:
     return {**plain, TABLE: {**result, **given} if isinstance(given, Mapping) else given}
 
 
-def _plain(table: Mapping[str, object], place: str, found: dict[str, object]) -> dict[str, object]:
-    """A copy of ``table``, whose uncertainties go to ``found`` by the dotted key of the number that has them."""
+def _plain(table: Mapping[str, object], place: str, by_key: dict[str, object]) -> dict[str, object]:
+    """A copy of ``table``, whose uncertainties go to ``by_key`` by the dotted key of the number that has them."""
     made: dict[str, object] = {}
     for key, value in table.items():
         inside = f"{place}{key}"
         if not isinstance(value, Mapping) or inside == TABLE:
             made[key] = value
         elif _is_uncertain(inside) and MARGIN in value:
-            found[inside] = value[MARGIN]
+            by_key[inside] = value[MARGIN]
             rest = {name: part for name, part in value.items() if name != MARGIN}
             made[key] = rest[VALUE] if rest.keys() == {VALUE} else rest
         else:
-            made[key] = _plain(value, f"{inside}.", found)
+            made[key] = _plain(value, f"{inside}.", by_key)
     return made
 
 
@@ -234,8 +234,8 @@ def _wrong_orders(uncertainty: UncertaintyTable, units: Mapping[str, str]) -> It
     for low, high in orders_of(uncertainty):
         above.setdefault(high, set()).add(low)
         if units[low] != units[high]:
-            lower, other = (f"{key} ({'no unit' if units[key] == '1' else units[key]})" for key in (low, high))
-            yield f"uncertainty.never_above: {lower} cannot be compared with {other}"
+            lower, higher = (f"{key} ({'no unit' if units[key] == '1' else units[key]})" for key in (low, high))
+            yield f"uncertainty.never_above: {lower} cannot be compared with {higher}"
     try:
         TopologicalSorter(above).prepare()
     except CycleError as problem:

@@ -183,7 +183,7 @@ def draw_bins(axes: Axes, scene: Scene, scale: float) -> dict[str, float]:
              "right": ("left", "center")}  # fmt: skip
     margin = dict.fromkeys(outward, 0.0)
     for on in outward:
-        placed = {name: one.line(scene) for name, one in scene.on_sides(on).items()}
+        placed = {name: bin_.line(scene) for name, bin_ in scene.on_sides(on).items()}
         placed = dict(sorted(placed.items(), key=lambda item: float(item[1].sum())))
         room = {name: scale * float(np.ptp(line, axis=0).max()) for name, line in placed.items()}
         level = all(text_width(name, 8) < room[name] for name in placed) and on in ("floor", "top")

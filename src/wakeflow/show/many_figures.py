@@ -330,7 +330,7 @@ def draw_trade_off(path: Path, table: ResultTable) -> None:
         places += zip(points, x.tolist(), y.tolist(), strict=True)
     axes.set(xlabel="recovery (%)", ylabel="purity (%)")
     _name_scenes(axes, named, places)
-    handles = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda one: one[1] in named)
+    handles = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda handle: handle[1] in named)
     axes.legend(*zip(*handles, strict=True), fontsize=LETTERS, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
     save(figure, path)
 
@@ -357,7 +357,7 @@ def _name_scenes(axes: Axes, named: Sequence[str], places: Sequence[tuple[int, f
     reach = CLOSE * np.array([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())])
     groups: list[tuple[Array, set[int]]] = []
     for number, *spot in places:
-        here = next((one for at, one in groups if np.all(np.abs(at - spot) < reach)), None)
+        here = next((members for at, members in groups if np.all(np.abs(at - spot) < reach)), None)
         if here is None:
             groups.append((np.array(spot), {number}))
         else:

@@ -290,7 +290,7 @@ def _draw_vibration(sheet: _Sheet, scene: Scene) -> None:
 
 def _draw_bins(sheet: _Sheet, scene: Scene) -> None:
     """Bins as bars on their lines; those on the floor and the top with their names and limits along it."""
-    for i, bin_ in enumerate(sorted(scene.bin.values(), key=lambda one: (one.on, float(one.line(scene).sum())))):
+    for i, bin_ in enumerate(sorted(scene.bin.values(), key=lambda bin_: (bin_.on, float(bin_.line(scene).sum())))):
         bar = MM * bin_.line(scene)
         sheet.axes.plot(*bar.T, color=BARS[i % 2], linewidth=5, solid_capstyle="butt", clip_on=False, zorder=5)
     for on, y, away in (("floor", scene.channel.bottom, -1), ("top", scene.channel.top, 1)):
@@ -370,8 +370,8 @@ def _falling(wanted: Array) -> Array:
     for value in wanted:
         mean, count = float(value), 1
         while pools and pools[-1][0] < mean:
-            other, more = pools.pop()
-            mean, count = (other * more + mean * count) / (more + count), more + count
+            pooled, more = pools.pop()
+            mean, count = (pooled * more + mean * count) / (more + count), more + count
         pools.append((mean, count))
     return np.repeat([mean for mean, _ in pools], [count for _, count in pools])
 

@@ -121,7 +121,7 @@ def alone_table(separation: Separation, alone: Separation) -> Table:
     """Bins by fractions: the shares of granules that meet no others, and what collisions change of them, in points."""
 
     def row(name: str, pairs: Iterable[tuple[Number | None, Number | None]]) -> list[str]:
-        return [name, *(f"{words.percent(one)}  ({words.change_of(one, met)})" for one, met in pairs)]
+        return [name, *(f"{words.percent(without)}  ({words.change_of(without, met)})" for without, met in pairs)]
 
     rows = [
         row(place, ((alone.fractions[name][place], together[place]) for name, together in separation.fractions.items()))
@@ -207,7 +207,7 @@ def show_table(table: ResultTable) -> None:
     shown, names = table.entries[:MAX_ROWS], main_quantities(table)
     inputs = list(zip(_heads(table), *(_inputs(table, entry) for entry in shown), strict=True))
     numbers = list(
-        zip((_quantity_head(table, name) for name in names), *(_cells(names, one) for one in shown), strict=True)
+        zip((_quantity_head(table, name) for name in names), *(_cells(names, entry) for entry in shown), strict=True)
     )
     console, title = Console(), "percent, with 95 % interval"
     for columns in _fitting(inputs, numbers, console.width):
@@ -284,7 +284,7 @@ def show_comparison(table: ResultTable, keys: Sequence[str], differences: Differ
         return
     if len(table.inputs) > MAX_KEYS:
         _show_keys(table)
-        show_table(replace(table, entries=[replace(one, inputs={}) for one in table.entries]))
+        show_table(replace(table, entries=[replace(entry, inputs={}) for entry in table.entries]))
     else:
         show_table(table)
     same = [name for name, key in zip(others, keys[1:], strict=True) if key == keys[0]]

@@ -110,7 +110,7 @@ class Plot:
 
         from .figures import figures
 
-        wrong = [type(one).__name__ for one in more] + [f"{key}=" for key in unknown]
+        wrong = [type(extra).__name__ for extra in more] + [f"{key}=" for key in unknown]
         if paper is not None and not isinstance(paper, Axes | Figure | SubFigure):
             wrong.insert(0, type(paper).__name__)
         if wrong:

@@ -252,15 +252,15 @@ def write_tracks(
     ``loop time (s)`` is the time in field.pvd of the air that a granule is in.
     """
     granules = sorted(
-        _granules(tracks, scene), key=lambda one: len(one.track["time"]) > 1
+        _granules(tracks, scene), key=lambda granule: len(granule.track["time"]) > 1
     )  # VTK: vertices before lines
-    data = lines_of([one.track["position"] for one in granules])
+    data = lines_of([granule.track["position"] for granule in granules])
     if granules:
         clock, velocity, arriving = (
-            np.concatenate([one.track[key] for one in granules]) for key in ("time", "velocity", "arriving")
+            np.concatenate([granule.track[key] for granule in granules]) for key in ("time", "velocity", "arriving")
         )
-        sizes = [len(one.track["time"]) for one in granules]
-        born = np.array([one.track["time"][0] for one in granules])
+        sizes = [len(granule.track["time"]) for granule in granules]
+        born = np.array([granule.track["time"][0] for granule in granules])
         points = {"time since release (s)": clock - np.repeat(born, sizes), **_moving(velocity)}
         points[ARRIVING] = lifted(arriving)
         if field is not None and field.period:
@@ -284,7 +284,7 @@ def write_moving(
     clear_pieces(Path(folder), "granules")
     if field is None or not field.period or not scene.numerics.snapshots:
         return None
-    granules = [one for one in _granules(tracks, scene) if len(one.track["time"]) > 1]
+    granules = [granule for granule in _granules(tracks, scene) if len(granule.track["time"]) > 1]
     times = moments_of(field, scene.numerics.snapshots)
     return save_series(path, times, (_at_phase(granules, scene, float(t), field.period) for t in times), ".vtp")
 
@@ -311,11 +311,11 @@ def _granules(tracks: Mapping[str, Sequence[Track]], scene: Scene) -> Iterator[_
 
 def _columns(granules: Sequence[_Granule]) -> Columns:
     """What is known of each granule."""
-    numbers = {key: np.array([int(one.track[key]) for one in granules], dtype=np.int32) for key in ("bin", "fate")}
+    numbers = {key: np.array([int(grain.track[key]) for grain in granules], dtype=np.int32) for key in ("bin", "fate")}
     return {
-        "fraction": np.array([one.fraction for one in granules], dtype=np.int32),
-        "diameter (m)": np.array([float(one.track["diameter"]) for one in granules]),
-        "weight": np.array([one.weight for one in granules]),
+        "fraction": np.array([granule.fraction for granule in granules], dtype=np.int32),
+        "diameter (m)": np.array([float(granule.track["diameter"]) for granule in granules]),
+        "weight": np.array([granule.weight for granule in granules]),
         **numbers,
     }
 
@@ -333,10 +333,10 @@ def _at_phase(granules: Sequence[_Granule], scene: Scene, time: float, period: f
     """Every granule at the moments of its flight that are whole periods (s) from ``time`` (s)."""
     here: list[int] = []
     clock, position, velocity = [np.zeros(0)], [np.zeros((0, 2))], [np.zeros((0, 2))]
-    for number, one in enumerate(granules):
-        born, ends = one.track["time"][[0, -1]]
+    for number, granule in enumerate(granules):
+        born, ends = granule.track["time"][[0, -1]]
         moments = np.arange(time + period * np.ceil((born - time) / period), ends, period)
-        where, pace = Path2D.of(one.track).at(moments)
+        where, pace = Path2D.of(granule.track).at(moments)
         here += [number] * len(moments)
         clock.append(moments - born)
         position.append(where)

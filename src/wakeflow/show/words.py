@@ -115,7 +115,7 @@ def headline(result: Result) -> list[str]:
             continue
         places = result.targets(name)
         pure = [(place, (shares.purity.get(place) or {}).get(name)) for place in places]
-        known = [(part_words(one), place) for place, one in pure if one is not None]
+        known = [(part_words(purity), place) for place, purity in pure if purity is not None]
         parts = list(dict.fromkeys(part for part, _ in known))
         of_bin = ""
         if len(parts) == 1:
@@ -139,11 +139,11 @@ def part_text(number: Number | None, *, void: bool = False) -> str:
     return text if text in (NO_VALUE, VOID) else f"{text} %"
 
 
-def quantity_text(one: TableQuantity | None, *, void: bool = False) -> str:
+def quantity_text(number: TableQuantity | None, *, void: bool = False) -> str:
     """A number of a table with its 95 % interval: a part of a whole as :func:`percent`, another in its own unit."""
-    if one is None or void or is_part(one.name) or not math.isfinite(one.value):
-        return percent(one, void=void)
-    return _unit_words(one, "").rstrip()
+    if number is None or void or is_part(number.name) or not math.isfinite(number.value):
+        return percent(number, void=void)
+    return _unit_words(number, "").rstrip()
 
 
 def rate_words(number: Number | None, *, void: bool = False) -> str:
@@ -154,7 +154,7 @@ def rate_words(number: Number | None, *, void: bool = False) -> str:
 
 
 def _unit_words(number: Number, unit: str) -> str:
-    value, low, high = (f"{one:.3g}" for one in number)
+    value, low, high = (f"{end:.3g}" for end in number)
     return f"{value} ({low} to {high}) {unit}" if number.known else f"{value} {unit}"
 
 
@@ -205,17 +205,17 @@ def funnel_words(funnel: FunnelSummary) -> str:
 def verdict_lines(result: Result) -> list[str]:
     """A line for each limit of the scene: what it is, whether it is met, what the answer says, what would decide."""
     return [
-        f"{one.limit} at most {100 * one.most:.4g} %: {one.verdict}, {_held(one, void=result.void)}"
-        + (f"; it takes {one.decides}" if one.decides else "")
-        for one in result.limits
+        f"{verdict.limit} at most {100 * verdict.most:.4g} %: {verdict.verdict}, {_held(verdict, void=result.void)}"
+        + (f"; it takes {verdict.decides}" if verdict.decides else "")
+        for verdict in result.limits
     ]
 
 
-def _held(one: Verdict, *, void: bool) -> str:
+def _held(verdict: Verdict, *, void: bool) -> str:
     """What the answer says of what a limit holds."""
     if void:
         return "the answer is void"
-    return "nothing lands there" if one.value is None else part_words(one.value)
+    return "nothing lands there" if verdict.value is None else part_words(verdict.value)
 
 
 def money_lines(result: Result) -> list[str]:
@@ -248,14 +248,14 @@ def change_of(before: Number | None, after: Number | None) -> str:
     return f"{100.0 * (after.value - before.value):+.1f}"
 
 
-def difference_text(one: Difference) -> str:
+def difference_text(difference: Difference) -> str:
     """``"+3.1 points (+1.2 to +5)"``: a difference and its 95 % interval; of shares, purities and recoveries percentage
     points, of others in their unit.
     """
-    share = one.unit == "1" and not one.quantity.startswith("airflow.")
-    scale, unit = (100.0, "points") if share else (1.0, "" if one.unit == "1" else one.unit)
-    ends = f" ({scale * one.low:+.3g} to {scale * one.high:+.3g})" if one.known else ""
-    return f"{scale * one.value:+.3g} {unit}".rstrip() + ends
+    share = difference.unit == "1" and not difference.quantity.startswith("airflow.")
+    scale, unit = (100.0, "points") if share else (1.0, "" if difference.unit == "1" else difference.unit)
+    ends = f" ({scale * difference.low:+.3g} to {scale * difference.high:+.3g})" if difference.known else ""
+    return f"{scale * difference.value:+.3g} {unit}".rstrip() + ends
 
 
 def expected(result: Result, place: str) -> list[tuple[str, Number]]:
@@ -350,7 +350,7 @@ def separation_cells(result: Result, separation: Separation) -> CellTable:
 
 def _ends(number: Number | None) -> list[Cell]:
     """A number and its interval in percent."""
-    return [None] * 3 if number is None else [_percent(one) for one in (number.value, *number.ends)]
+    return [None] * 3 if number is None else [_percent(end) for end in (number.value, *number.ends)]
 
 
 def _percent(number: float | None) -> Cell:
@@ -377,7 +377,7 @@ def impact_cells(result: Result) -> CellTable:
         whole = len(impact.slopes) > SLOPES
         for name, fraction in impact.fractions.items():
             streams = {ALL: fraction.total} if whole else fraction.slopes
-            rows += [_impact(name, slope, one.fall_speed, one) for slope, one in streams.items()]
+            rows += [_impact(name, slope, forces.fall_speed, forces) for slope, forces in streams.items()]
         slopes = {ALL: impact.total} if whole else impact.slopes
         rows += [_impact(ALL, slope, None, forces) for slope, forces in slopes.items()]
     return CellTable(IMPACT_COLUMNS, [row for row in rows if row[IMPACT_COLUMNS.index("mass flow (kg/h)")]])

@@ -91,7 +91,7 @@ def trade_off(
     if isinstance(purities, str) or not isinstance(purities, Iterable):
         raise SceneError(f"purities = {purities!r}: a list of them, as [0.9, 0.95]")
     least = [share_in(purity, "purity") for purity in purities]
-    if wrong := [one for one in least if not 0.0 < one < 1.0]:
+    if wrong := [share for share in least if not 0.0 < share < 1.0]:
         raise SceneError(f"purity = {wrong[0]:g}: above 0 and below 1 ('99 %' or 0.99: one percent of others)")
     if isinstance(stretches, bool) or not isinstance(stretches, Integral):
         raise SceneError(f"stretches = {stretches!r}: a whole number")

@@ -218,16 +218,16 @@ class Liggghts:
 
     def compute(self, funnel: Funnel, make: Make, tell: Callable[[str], None]) -> FunnelSummary:
         """Pour and discharge. The bed is a stage of its own, since every vibration starts from the same bed."""
-        asked = {name: getattr(funnel, name) for name in type(funnel).model_fields}
-        asked |= {"count": funnel.beads, "mass": None, "material": None, "gravity": funnel.gravity}
+        inputs = {name: getattr(funnel, name) for name in type(funnel).model_fields}
+        inputs |= {"count": funnel.beads, "mass": None, "material": None, "gravity": funnel.gravity}
         if not funnel.amplitude:
-            asked["frequency"] = None
+            inputs["frequency"] = None
         code = (code_key(*CODE), liggghts_version())
-        still = {name: value for name, value in asked.items() if name not in ("frequency", "gamma")}
+        still = {name: value for name, value in inputs.items() if name not in ("frequency", "gamma")}
         bed_key = content_key("bed", still, code)
         bed = make("bed", bed_key, lambda part: pour(funnel, part, tell))
         done = make(
-            "funnel", content_key("funnel", bed_key, asked, code), lambda part: discharge(funnel, bed, part, tell)
+            "funnel", content_key("funnel", bed_key, inputs, code), lambda part: discharge(funnel, bed, part, tell)
         )
         return load(FunnelSummary, done / "funnel.json")
 

@@ -97,11 +97,11 @@ def _bin(scene: Scene, result: Result, name: str) -> dict[str, object]:
     separation = None if result.landings is None else result.landings.separation
     void = result.void
     shares = {} if separation is None else {
-        one: part_text(places[name], void=void) for one, places in separation.fractions.items()
+        fraction: part_text(places[name], void=void) for fraction, places in separation.fractions.items()
     }  # fmt: skip
     flow = None if separation is None or void else separation.throughput[name]
     pure = {} if separation is None else {
-        one: part_text(row, void=void) for one, row in (separation.purity[name] or {}).items()
+        fraction: part_text(row, void=void) for fraction, row in (separation.purity[name] or {}).items()
     }  # fmt: skip
     return {
         "name": name, "line": _flat(scene.bin[name].line(scene)), "shares": shares, "purity": pure, "flow": flow
@@ -135,9 +135,9 @@ def _wakes(result: Result) -> dict[str, object]:
             for wake, share in shares.items():
                 others.setdefault(wake, {}).setdefault(name, {})[place] = 100 * share
     return {
-        "answer": {name: {place: 100 * one.value for place, one in row.items()} for name, row in fractions.items()},
+        "answer": {name: {place: 100 * part.value for place, part in row.items()} for name, row in fractions.items()},
         "interval": {
-            name: {place: [100 * one.low, 100 * one.high] for place, one in row.items()}
+            name: {place: [100 * part.low, 100 * part.high] for place, part in row.items()}
             for name, row in fractions.items()
         },
         "others": others,

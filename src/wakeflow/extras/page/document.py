@@ -203,10 +203,10 @@ def merged(base: str, mine: str, theirs: str) -> str | None:
     """The text with both changes of ``base``; None where they are of the same or of neighbouring lines."""
     if base in (mine, theirs):
         return theirs if base == mine else mine
-    start, one, other = (text.splitlines(keepends=True) for text in (base, mine, theirs))
+    start, my_lines, their_lines = (text.splitlines(keepends=True) for text in (base, mine, theirs))
     changes = [
         (low, high, made[a:b])
-        for made in (one, other)
+        for made in (my_lines, their_lines)
         for kind, low, high, a, b in SequenceMatcher(None, start, made, autojunk=False).get_opcodes()
         if kind != "equal"
     ]

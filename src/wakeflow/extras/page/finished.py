@@ -143,12 +143,12 @@ class FinishedRuns:
             "report": (stored.result.folder / "report.html").is_file(),
             "protocol": (stored.result.folder / "protocol.html").is_file(),
             "colours": fraction_colours(list(scene.fraction)),
-            "targets": {name: list(one.targets) for name, one in scene.fraction.items()},
+            "targets": {name: list(fraction.targets) for name, fraction in scene.fraction.items()},
             "sides": {
                 on: {"span": list(channel.span(on)), "profile": profile}
                 for on, profile in stored.profile().items()
             },
-            "on": {name: one.on for name, one in scene.on_sides().items()},
+            "on": {name: bin_.on for name, bin_ in scene.on_sides().items()},
             "ends": stored.ends, "step": step_of(scene), **self._answer(stored, stored.ends),
         }  # fmt: skip
 
@@ -185,23 +185,23 @@ class FinishedRuns:
         names = [str(row["name"]) for row in rows]
         place = names.index(run) if run in names else len(names)
         scenes = [scene_of(self.runs / name) for name in names[place:]]
-        alike = [i for i, one in enumerate(scenes) if i and parts_of(one) == parts_of(scenes[0])]
+        alike = [i for i, scene in enumerate(scenes) if i and parts_of(scene) == parts_of(scenes[0])]
         plain = [i for i in alike if run.endswith(CALIBRATED) and names[place + i] == run.removesuffix(CALIBRATED)]
         if not alike:
             return {"run": run, "other": None}
-        other = [*plain, *alike][0]
-        apart = "before its calibration" if plain else differs(scenes[other], scenes[0])
-        table = compare([self.folder(names[place + other]), self.folder(run)]).table
+        earlier = [*plain, *alike][0]
+        apart = "before its calibration" if plain else differs(scenes[earlier], scenes[0])
+        table = compare([self.folder(names[place + earlier]), self.folder(run)]).table
         first, last = table.entries
-        void = [one.reason == VOID for one in table.entries]
+        void = [entry.reason == VOID for entry in table.entries]
         differences = [(name, difference_of(first, last, name)) for name in main_quantities(table)]
         return {
-            "run": run, "other": rows[place + other], "differs": apart,
+            "run": run, "other": rows[place + earlier], "differs": apart,
             "rows": [
                 [name.replace(".", " of ", 1).replace(".", ", "), percent(first.by_name.get(name), void=void[0]),
                  percent(last.by_name.get(name), void=void[1]),
-                 VOID if any(void) else "" if one is None else difference_text(one), one is not None and one.clear]
-                for name, one in differences
+                 VOID if any(void) else "" if less is None else difference_text(less), less is not None and less.clear]
+                for name, less in differences
             ],
         }  # fmt: skip
 

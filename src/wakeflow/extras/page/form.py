@@ -59,7 +59,7 @@ def _groups(place: Place, value: Any, data: JsonTable) -> Iterator[dict[str, obj
         return
     from tomlkit.items import InlineTable
 
-    inner = [key for key, one in value.items() if isinstance(one, Mapping) and not isinstance(one, InlineTable)]
+    inner = [key for key, part in value.items() if isinstance(part, Mapping) and not isinstance(part, InlineTable)]
     keys = known_keys(described(place, data))
     if keys or place[0] in OPEN:
         shown = [key for key in dict.fromkeys([*value, *keys]) if key not in inner]

@@ -70,9 +70,8 @@ def _typed(value: object, key: str, before: object, units: Mapping[str, str]) ->
     """A value as TOML: in the unit that was written there before, else in the one that the file writes most."""
     if isinstance(value, list):
         inner = before if isinstance(before, list) else []
-        return (
-            f"[{', '.join(_typed(one, key, inner[i] if i < len(inner) else '', units) for i, one in enumerate(value))}]"
-        )
+        typed = [_typed(item, key, inner[i] if i < len(inner) else "", units) for i, item in enumerate(value)]
+        return f"[{', '.join(typed)}]"
     assert isinstance(value, float)
     if isinstance(before, int | float):
         return f"{value:.6g}"

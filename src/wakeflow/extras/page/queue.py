@@ -67,14 +67,14 @@ class RunQueue:
         """Whether a run is computed or waits."""
         return any(run.state in (WAITS, GOES) for run in self.runs)
 
-    def add(self, **asked: Any) -> Run:
+    def add(self, **how: Any) -> Run:
         """Put a run at the end. Raises SceneError where one that is not over writes to the same folder."""
         with self._wake:
-            folder = asked["folder"]
+            folder = how["folder"]
             if any(run.folder == folder and run.state in (WAITS, GOES) for run in self.runs):
                 raise SceneError(f"a run into {folder} is on its way; choose another name")
             self.runs = [run for run in self.runs if run.folder != folder]
-            made = Run(1 + max((run.number for run in self.runs), default=0), **asked)
+            made = Run(1 + max((run.number for run in self.runs), default=0), **how)
             self.runs.append(made)
             self._wake.notify_all()
         self._changed()
@@ -136,12 +136,12 @@ class RunQueue:
         for run in self._waiting():
             self._changed()
             try:
-                state, told = self._compute(run)
+                state, outcome = self._compute(run)
             except (OSError, ValueError) as problem:  # as of a full /tmp: the next run may go better
-                state, told = FAILED, str(problem)
+                state, outcome = FAILED, str(problem)
             with self._wake:
                 self._stop.discard(run.number)
-                run.state, run.told = state, told
+                run.state, run.told = state, outcome
             self._changed()
 
     def _compute(self, run: Run) -> tuple[str, str]:

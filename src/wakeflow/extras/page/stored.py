@@ -160,12 +160,12 @@ def points_of(folder: Path) -> dict[str, object]:
         raise SceneError(f"{file} is no table of a sweep; the sweep's command writes it anew") from None
     heads = list(rows[0]) if rows else []
     numbers = [head for head in heads if f"{head}.low" in heads]
-    first = next((heads.index(one) for one in numbers), len(heads))
+    first = next((heads.index(head) for head in numbers), len(heads))
     inputs = [head for head in heads[:first] if head not in ("scene", "state", "reason")]
     return {
         "inputs": inputs,
         "numbers": numbers,
-        "figures": sorted(one.name for one in (folder / "figures").glob("*.png")),
+        "figures": sorted(picture.name for picture in (folder / "figures").glob("*.png")),
         "rows": [row | {"run": run} for row, run in zip(rows, runs, strict=True)],
     }
 
@@ -176,7 +176,7 @@ def _folders(root: Path) -> Iterator[tuple[Path, list[str]]]:
         folder = Path(place)
         whole = {FILE, TABLE, WIDE}.intersection(files) or AIRFLOWS in inner
         last = len(folder.relative_to(root).parts) >= DEEP or (whole and folder != root)
-        inner[:] = [] if last else sorted(one for one in inner if not one.startswith(HIDDEN) and one != AIRFLOWS)
+        inner[:] = [] if last else sorted(name for name in inner if not name.startswith(HIDDEN) and name != AIRFLOWS)
         yield folder, files
 
 

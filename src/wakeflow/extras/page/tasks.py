@@ -81,8 +81,8 @@ def filled_in(scene: Scene, typed: str) -> SearchTask:
     """
     form = SearchForm.model_validate_json(typed)
     table = form.model_dump() | {
-        "within": {key: {end: _pointed(one) for end, one in ends.items()} for key, ends in form.within.items()},
-        "where": {name: {end: _limit(name, one) for end, one in ends.items()} for name, ends in form.where.items()},
+        "within": {key: {end: _pointed(value) for end, value in ends.items()} for key, ends in form.within.items()},
+        "where": {name: {end: _limit(name, value) for end, value in ends.items()} for name, ends in form.where.items()},
         "level": [quick_keys(scene), {}],
     }
     return search_of(table, scene)

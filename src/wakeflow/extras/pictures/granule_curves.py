@@ -81,7 +81,7 @@ def _curves(view: View, picture: Curves, name: str, paths: list[Path2D]) -> Iter
 
 
 def _plot(axes: Axes, picture: Curves, curves: list[_Curve], colours: dict[str, str]) -> None:
-    (i, along, name), (j, up, other) = LABELS[picture.x], LABELS[picture.y]
+    (i, along, x_label), (j, up, y_label) = LABELS[picture.x], LABELS[picture.y]
     all_equal = picture.body_speed is None
     for curve in curves:
         thick = curve.chosen or (all_equal and sum(c.fraction == curve.fraction for c in curves) == 1)
@@ -97,8 +97,8 @@ def _plot(axes: Axes, picture: Curves, curves: list[_Curve], colours: dict[str, 
         axes.plot([], [], color="#555555", linewidth=0.6, label="other phases of the vibration")
     if picture.y == "y" and picture.x == "x":
         axes.set_aspect("equal")
-    axes.set_xlabel(name)
-    axes.set_ylabel(other)
+    axes.set_xlabel(x_label)
+    axes.set_ylabel(y_label)
     axes.grid(color="#dddddd", linewidth=0.5)
     axes.legend(frameon=False, fontsize=8)
     axes.tick_params(labelsize=8)

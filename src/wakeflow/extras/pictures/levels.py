@@ -96,7 +96,7 @@ def draw_levels(view: View) -> PictureFiles:
     picture, scene = view.picture, view.scene
     assert isinstance(picture, Levels)
     shares, levels = scene.mass_shares(), sorted(picture.levels)
-    found = {
+    by_fraction = {
         name: [level_numbers(paths, y, scene.feed.mass_flow * shares[name]) for y in levels]
         for name, paths in view.paths.items()
     }
@@ -104,27 +104,27 @@ def draw_levels(view: View) -> PictureFiles:
     panels = figure.subplots(1, len(DRAWN), sharey=True)
     colours = fraction_colours(list(scene.fraction))
     for axes, quantity in zip(panels, DRAWN, strict=True):
-        _panel(axes, quantity, levels, found, colours)
+        _panel(axes, quantity, levels, by_fraction, colours)
     panels[0].set_ylabel("y (mm)")
     panels[0].legend(frameon=False, fontsize=8)
     save(figure, view.file(".png"))
-    data = view.write_csv(_columns(), _rows(levels, found))
+    data = view.write_csv(_columns(), _rows(levels, by_fraction))
     numbers: JsonTable = {
         "levels": levels,
         "fractions": {
             name: [{key: [_known(end) for end in number] for key, number in row.items()} for row in rows]
-            for name, rows in found.items()
+            for name, rows in by_fraction.items()
         },
     }
-    return PictureFiles([view.file(".png"), data], _text(levels, found), numbers)
+    return PictureFiles([view.file(".png"), data], _text(levels, by_fraction), numbers)
 
 
 def _panel(
-    axes: Axes, quantity: str, levels: Sequence[float], found: dict[str, list[dict[str, Number]]],
+    axes: Axes, quantity: str, levels: Sequence[float], by_fraction: dict[str, list[dict[str, Number]]],
     colours: dict[str, str],
 ) -> None:  # fmt: skip
     factor = MM if QUANTITIES[quantity][0] == "m" else 1.0
-    for name, rows in found.items():
+    for name, rows in by_fraction.items():
         value, low, high = factor * np.array([[*row[quantity]] for row in rows]).T
         half = np.where(np.isfinite(high - low), 0.5 * (high - low), 0.0)
         axes.errorbar(

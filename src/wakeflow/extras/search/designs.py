@@ -56,7 +56,7 @@ def explore(
     history = History(task)
 
     def compute(level: int, places: Sequence[DesignPoint]) -> None:
-        spent = sum(history.seconds(one) for one in range(len(task.levels)))
+        spent = sum(history.seconds(number) for number in range(len(task.levels)))
         tell(
             f"level {level + 1} of {len(task.levels)}: {len(places)} designs; {spent:.0f} of {task.budget:.0f} s spent"
         )
@@ -177,8 +177,8 @@ def search(
     seconds = tuple(history.seconds(level) for level in range(len(given.levels)))
     front = tuple(map(design, history.front()))
     rivals = tuple(design_ for design_ in front if design_.name != design(best).name)
-    own = given.as_it_stands
-    unchanged = design(own) if own in history.evaluations[-1] and own in known else None
+    present = given.as_it_stands
+    unchanged = design(present) if present in history.evaluations[-1] and present in known else None
     return Search(given, folder, design(best), front, rivals, tried, seconds, unchanged)
 
 

@@ -137,7 +137,7 @@ def _check_names(task: SearchTask) -> None:
             refuse_unknown(key, tables, f"search.level.{key}")
             if key in within:
                 raise SceneError(f"search.level.{key}: search.within changes it too; take it out of one")
-    for key, value in (pair for axis in task.within for one in axis.values for pair in axis.changes(one).items()):
+    for key, value in (pair for axis in task.within for end in axis.values for pair in axis.changes(end).items()):
         _check_unit(key, value, tables)
 
 

@@ -105,8 +105,8 @@ def met_at(table: ResultTable, limits: Mapping[str, float]) -> dict[str, Counter
     """
     return {
         name: Counter(
-            OPEN if row.reason or (one := row.by_name.get(name)) is None or one.low <= most < one.high
-            else MET if one.high <= most else NOT_MET
+            OPEN if row.reason or (quantity := row.by_name.get(name)) is None or quantity.low <= most < quantity.high
+            else MET if quantity.high <= most else NOT_MET
             for row in table.done
         )
         for name, most in limits.items()
@@ -123,8 +123,8 @@ def _swept(
     if not any(fraction.targets for fraction in scene.fraction.values()):
         raise SceneError("no fraction has a target, so that nothing is recovered: give fraction.NAME.target, a bin")
     grid = variants(scene, axes)
-    scenes = [one.scene for one in grid if one.scene is not None]
-    reasons = (make_plan(one, rung=how.get("rung"), force=switched(how.get("force"))).why_void for one in scenes)
+    scenes = [member.scene for member in grid if member.scene is not None]
+    reasons = (make_plan(member, rung=how.get("rung"), force=switched(how.get("force"))).why_void for member in scenes)
     if len(void := list(takewhile(bool, reasons))) == len(scenes) > 0:
         raise SceneError(f"every answer of the {name} would be void: {void[0]}")
     folder = path_of(out, "out")

@@ -321,7 +321,7 @@ def matched(run: OneRun, joint: JointAnswer, measured: Measured, discrepancy: fl
 def _wider(run: OneRun, key: str, half: float) -> Flights:
     """The flights of a ``run`` whose input ``key`` is known within +- ``half``; what there is comes from the cache."""
     pipeline = run.pipeline
-    scene = run.asked.replace({f"uncertainty.{key}": half})
+    scene = run.given.replace({f"uncertainty.{key}": half})
     pipeline, _ = stages_of(scene, run.request, pipeline.workers, pipeline.listener)
     return fly_again(Flights(pipeline, pipeline.tracks()))
 

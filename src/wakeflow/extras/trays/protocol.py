@@ -258,17 +258,17 @@ def _write_form(path: Path, scene: Scene, fractions: Sequence[str]) -> None:
         stream.writelines(f"{name},{place},\n" for name in fractions for place in (*scene.bin, RESERVED_BIN))
 
 
-def write_protocol(path: Path, scene: Scene, found: Any, fractions: Sequence[str]) -> None:
+def write_protocol(path: Path, scene: Scene, planned: Any, fractions: Sequence[str]) -> None:
     """Write the page of a protocol (:class:`wakeflow.extras.trays.protocol.Protocol`) of ``scene``, with a form for
     each of the ``fractions`` that are counted.
     """
     picture = io.BytesIO()
     draw_sketch(scene).figure.savefig(picture, format="png")
-    repetitions = {name: max(step.repetitions for step in found.steps if step.fraction == name)
-                   for name in dict.fromkeys(step.fraction for step in found.steps)}  # fmt: skip
+    repetitions = {name: max(step.repetitions for step in planned.steps if step.fraction == name)
+                   for name in dict.fromkeys(step.fraction for step in planned.steps)}  # fmt: skip
     text = page_template("protocol.html.j2", Path(__file__).parent).render(
-        found=found, repetitions=repetitions or dict.fromkeys(fractions, 1), bins=[*bins_across(scene), RESERVED_BIN],
-        sketch=base64.b64encode(picture.getvalue()).decode("ascii"),
+        protocol=planned, repetitions=repetitions or dict.fromkeys(fractions, 1),
+        bins=[*bins_across(scene), RESERVED_BIN], sketch=base64.b64encode(picture.getvalue()).decode("ascii"),
     )  # fmt: skip
     with atomic_write(path) as stream:
         stream.write(text)

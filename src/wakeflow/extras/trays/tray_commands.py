@@ -50,14 +50,14 @@ def calibrate(
     from .calibration_update import DISCREPANCY
     from .show_trays import show_calibration
 
-    asked, folder = scene_and_folder(scene, settings, gate, out)
+    given, folder = scene_and_folder(scene, settings, gate, out)
     with live(enabled=not quiet) as listener:
-        found = find(
-            asked, measured, folder, discrepancy=DISCREPANCY if discrepancy is None else discrepancy, workers=workers,
+        calibration = find(
+            given, measured, folder, discrepancy=DISCREPANCY if discrepancy is None else discrepancy, workers=workers,
             listener=listener, planned=listener.planned, **gate.how,
         )  # fmt: skip
     if not quiet:
-        show_calibration(found)
+        show_calibration(calibration)
 
 
 def protocol(
@@ -95,11 +95,11 @@ def protocol(
         if not quiet:
             show_protocol(made)
         return
-    asked, folder = scene_and_folder(scene, settings, gate, out)
+    given, folder = scene_and_folder(scene, settings, gate, out)
     with live(enabled=not quiet) as listener:
-        found = plan_trays(
-            asked, folder, of=of, kernels=kernels, workers=workers, listener=listener, planned=listener.planned,
+        made = plan_trays(
+            given, folder, of=of, kernels=kernels, workers=workers, listener=listener, planned=listener.planned,
             **gate.how,
         )  # fmt: skip
     if not quiet:
-        show_protocol(found)
+        show_protocol(made)

@@ -247,10 +247,10 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
     places, bins = scene.collecting, list(scene.bin.values())
     solids = [
         Body(
-            _into_the_wall(one.outline(), scene), motion=motion, line=places.get(name, -1),
+            _into_the_wall(body.outline(), scene), motion=motion, line=places.get(name, -1),
             capture=(bins[places[name]].keeps_part or 0.0) if name in places else 0.0,
         )
-        for name, one in scene.body.items()
+        for name, body in scene.body.items()
     ]  # fmt: skip
     half, thick = scene.channel.width / 2, WALL * scene.channel.width
     for side, inner, outer in (("left", -half, -half - thick), ("right", half, half + thick)):
@@ -260,9 +260,9 @@ def bodies_and_walls(scene: Scene) -> list[Body]:
                 low, high = sorted((inner, outer))
                 solids.append(Body(np.array([(low, level), (high, level), (high, start), (low, start)])))
             level = end if end is not None else level
-    for i, one in enumerate(bins):
-        if (corners := one.wall(scene, thick)) is not None:
-            solids.append(Body(corners, capture=one.keeps_part or 0.0, line=i))
+    for i, bin_ in enumerate(bins):
+        if (corners := bin_.wall(scene, thick)) is not None:
+            solids.append(Body(corners, capture=bin_.keeps_part or 0.0, line=i))
     return solids
 
 

@@ -164,7 +164,7 @@ class InputRerun(Rerun[InputSamples]):
 
     def on(self, pipeline: Pipeline) -> Work[InputSamples]:
         stage, scene = self.stage(pipeline), pipeline.scene
-        drawn = [[one.key, one.kind, one.value, one.low, one.high] for one in stage.unknowns]
+        drawn = [[unknown.key, unknown.kind, unknown.value, unknown.low, unknown.high] for unknown in stage.unknowns]
         key = scene.numerics.tolerance, drawn, stage.design.tolist(), code_of(*input_samples.CODE)
         # The granules are the answer's, which are flown before this stage begins
         return Work(key, partial(stage.fly_all, pipeline.tracks()), stage.read)
@@ -234,8 +234,8 @@ class SlabRerun(Rerun[SlabFound]):
     def on(self, pipeline: Pipeline) -> Work[SlabFound]:
         stage = pipeline.collision_stage
         first = stage.collisions.fewest if len(pipeline.air.realisations) == 1 else stage.collisions.replicates
-        replicates = max([first, *(stage.collisions.after(found.replicates) for found in self.beside)])
-        return stage.work(stage.flight(self), replicates, begun=tuple(found.folder for found in self.beside))
+        replicates = max([first, *(stage.collisions.after(slab.replicates) for slab in self.beside)])
+        return stage.work(stage.flight(self), replicates, begun=tuple(slab.folder for slab in self.beside))
 
 
 @dataclass(frozen=True)

@@ -302,5 +302,5 @@ class BodyBin(Bin):
 
 
 AnyBin = Annotated[Bin, _OfItsKind()]
-for _name in [found.name for found in iter_modules(__path__)]:
+for _name in [module.name for module in iter_modules(__path__)]:
     import_module(f".{_name}", __package__)

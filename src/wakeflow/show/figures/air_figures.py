@@ -181,7 +181,7 @@ def draw_vorticity(paper: Paper, field: FlowField, scene: Scene, airflow: Airflo
     first = field.times[:1].tolist()  # none of a steady one
     shown = {f"at {1e3 * time:.3g} ms of the loop": still(field, field.weights(time)) for time in first}
     shown["mean"] = as_flown(field.mean(), scene)
-    scaled = {name: vorticity(one) * scene.width / scene.airstream.speed for name, one in shown.items()}
+    scaled = {name: vorticity(flow) * scene.width / scene.airstream.speed for name, flow in shown.items()}
     here = canvas.inside_window(field.points, window)
     most = max(_strong(np.abs(values[here]), field.node_area[here]) for values in scaled.values())
     across = TALLEST * 0.75 * (window[1] - window[0]) / (window[3] - window[2])

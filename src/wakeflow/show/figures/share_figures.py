@@ -106,7 +106,7 @@ def _walls_with_bins(scene: Scene) -> Iterator[_Wall]:
         ("left", "y on the left wall (mm)"),
         ("right", "y on the right wall (mm)"),
     ):
-        if placed := {places.index(name): one.ends for name, one in scene.on_sides(on).items()}:
+        if placed := {places.index(name): bin_.ends for name, bin_ in scene.on_sides(on).items()}:
             bins = dict(sorted(placed.items(), key=lambda item: item[1]))
             yield _Wall(title, scene.channel.span(on), bins)
     for i, (name, bin_) in enumerate(scene.bin.items()):
@@ -183,7 +183,7 @@ def draw_partition(paper: Paper, scene: Scene, curves: Sequence[PartitionCurve])
     colours = _product_colours(scene, curves)
     for axes, kind in zip(panels, kinds, strict=True):
         scale, label, unit = AXES[kind]
-        for curve in (one for one in curves if one.by == kind):
+        for curve in (curve for curve in curves if curve.by == kind):
             at, colour = scale * np.array(curve.at), colours[curve.product]
             share, low, high = (100 * np.array(ends) for ends in (curve.share, curve.low, curve.high))
             for part in np.split(np.arange(len(at)), np.flatnonzero(np.diff(np.log10(at)) > EMPTY) + 1):
@@ -254,14 +254,14 @@ def draw_wakes(
     rows = _wake_rows(scene, bracket, shares)
     panels = foremost(scene, list(dict.fromkeys(name for name, _ in rows)))
     wakes = list(dict.fromkeys(wake for _, _, wake in _marks(bracket)))
-    counts = [sum(name == one for one, _ in rows) for name in panels]
+    counts = [sum(name == fraction for fraction, _ in rows) for name in panels]
     figure = new_figure(6.4, 1.1 + ROW * sum(counts) + 0.45 * len(panels), paper)
     grid: NDArray[np.object_] = figure.subplots(
         len(panels), 1, squeeze=False, sharex=True, gridspec_kw={"height_ratios": counts}
     )[:, 0]
     colours = fraction_colours(list(scene.fraction))
     for axes, name in zip(grid, panels, strict=True):
-        places = [place for one, place in rows if one == name]
+        places = [place for fraction, place in rows if fraction == name]
         for level, place in enumerate(places):
             share = shares[name][place]
             ends = [100 * (share.high - share.low)], [100 * share.low]

@@ -82,7 +82,7 @@ def render(
         grades=_grades(result), logo=_logo(scene), measurements=words.measurement_lines(result), scene=scene,
         colours=fraction_colours(list(scene.fraction)), bins=[*bins_across(scene), RESERVED_BIN],
         rung_about=rungs[result.plan.rung].meaning if result.plan.rung in rungs else "", origin=_origin(result),
-        cuts=[] if result.landings is None else [_cut(one) for one in result.landings.separation.cut if one.overlaps],
+        cuts=[] if result.landings is None else [_cut(cut) for cut in result.landings.separation.cut if cut.overlaps],
         budget=words.condensed(result.budget), made_of=_made_of, how=_how, inputs=_inputs(result),
         agreement=_agreement(result),
     )  # fmt: skip
@@ -116,7 +116,7 @@ def _shown(pictures: Mapping[str, str], texts: Mapping[str, str]) -> list[tuple[
 def _grades(result: Result) -> list[tuple[str, list[str]]]:
     """The warnings by grade, the gravest first, what is for information last and apart."""
     lines = zip(result.grades, result.warnings, strict=True)
-    return [(grade, [line for _, line in part]) for grade, part in groupby(lines, key=lambda one: one[0])]
+    return [(grade, [line for _, line in part]) for grade, part in groupby(lines, key=lambda row: row[0])]
 
 
 def _origin(result: Result) -> list[tuple[str, str]]:

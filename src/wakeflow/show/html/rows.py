@@ -84,10 +84,10 @@ def _said(key: str, value: object) -> str:
     unit = unit_of(key)
     if value is None:
         return NO_VALUE
-    if isinstance(value, list) and (len(value) > MAX_LISTED or any(isinstance(one, list) for one in value)):
+    if isinstance(value, list) and (len(value) > MAX_LISTED or any(isinstance(entry, list) for entry in value)):
         return f"{len(value)} values"
     if isinstance(value, list):
-        return f"({', '.join(_said(key, one) for one in value)})"
+        return f"({', '.join(_said(key, entry) for entry in value)})"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
     return say(value, unit) if unit else f"{value:.6g}"
@@ -208,7 +208,7 @@ def _cells(about: str, names: Sequence[str], *records: object) -> Iterator[tuple
     """(what it is, a value of each record, unit) of every column in ``names`` that all of the records have."""
     if not all(records):
         return
-    known = {one.name: one for one in columns(type(records[0]))}
+    known = {column.name: column for column in columns(type(records[0]))}
     tables = [to_json(record) for record in records]
     for name in names:
         if all(table[known[name].key] is not None for table in tables):
