@@ -198,11 +198,19 @@ def test_a_page_that_no_run_wrote_takes_no_film(small_run: Any, tmp_path: Path) 
     assert (tmp_path / "report.html").read_text() == "mine"
 
 
-@pytest.mark.parametrize("command", ["animate", "calibrate"])
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [("animate", "holds another answer now; the same command"), ("calibrate", "another run is writing to")],
+)
 def test_what_is_made_of_one_answer_is_not_laid_beside_another(
-    command: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str,
+    said: str,
+    run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """As where another process runs another scene into the folder meanwhile."""
+    """As where another process runs another scene into the folder meanwhile; a calibration does not let it."""
     trays, scene = tmp_path / "trays.csv", tmp_path / "scene.toml"
     Scene.parse(Result.load(run).scene).save(scene)
     trays.write_text("fraction,bin,share,uncertainty\nhard,far,0.6,0.05\n")
@@ -220,7 +228,7 @@ def test_what_is_made_of_one_answer_is_not_laid_beside_another(
 
     monkeypatch.setattr(way, meanwhile)
     assert main([command, *words]) == 2
-    assert "holds another answer now; the same command" in capsys.readouterr().err
+    assert said in capsys.readouterr().err
     assert not (run / "figures" / "film.gif").exists()
     assert not (run / "inputs.csv").exists()
 

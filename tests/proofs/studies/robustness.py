@@ -9,7 +9,7 @@ import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from wakeflow.air.mesh import MeshSpec, build_mesh, plan_mesh
 from wakeflow.core.code_key import code_key
 from wakeflow.core.errors import FoamError, MeshError
 from wakeflow.core.files import case_template, write_json
+from wakeflow.core.record import to_json
 from wakeflow.core.store import Store, cache_root, content_key, digest_files
 from wakeflow.laws.shape import shapes
 from wakeflow.planning.airflow_choice import LAMINAR_BELOW
@@ -161,7 +162,7 @@ def outcome(case: Case) -> dict[str, Any]:
         with short_runs():
             try:
                 flow = flow_of(case, coarse_mesh(case, folder))
-                table = asdict(solve_airflow(flow, folder / "mesh.msh", folder / "case"))
+                table = to_json(solve_airflow(flow, folder / "mesh.msh", folder / "case"))
             except (MeshError, FoamError) as problem:
                 table = {"error": str(problem), "kind": type(problem).__name__}
         write_json(folder / "outcome.json", {**table, "processor_seconds": solver_seconds() - before})

@@ -25,9 +25,9 @@ from wakeflow.extras.studies.operating import counted_lines
 def test_a_scene_without_what_a_map_is_over_is_refused(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
     scene = shipped("aspirator")
     if "feed" in changes:
-        scene = scene.model_copy(update={"feed": scene.feed.model_copy(update={"rate": None})})
+        scene = scene.model_copy(update={"feed": scene.feed.model_copy(update={"rate": 0.0})})
     else:
-        bare = {name: one.model_copy(update={"target": None}) for name, one in scene.fraction.items()}
+        bare = {name: one.model_copy(update={"target": ""}) for name, one in scene.fraction.items()}
         scene = scene.model_copy(update={"fraction": bare})
     with pytest.raises(SceneError, match=said):
         operating.operating_map(scene, tmp_path)
