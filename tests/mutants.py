@@ -51,7 +51,7 @@ MUTANTS = [
            "test_the_answer_flies_between_the_ends_and_every_number_is_in_the_key"),
     Mutant("damaged stages are used", "digest_of(folder / name) == digest for", "bool(digest) for",
            "test_a_damaged_stage_is_made_again"),
-    Mutant("the newest stages are cleaned first", "(one.finished, one.used))", "(one.finished, -one.used))",
+    Mutant("the newest stages are cleaned first", "(stage.finished, stage.used))", "(stage.finished, -stage.used))",
            "test_the_oldest_go_until_little_enough_is_left"),
     Mutant("half a domain mirrored without its sign", "half[..., off, :] * (-1.0, 1.0)", "half[..., off, :]",
            "test_a_mirrored_field_is_its_own_mirror_image"),
@@ -67,7 +67,7 @@ MUTANTS = [
            "test_samples_at_any_spacing_are_integrated_exactly"),
     Mutant("granules touch with their centre", "(end[0] - start[0]) + outward[1] * radius", "(end[0] - start[0])",
            "test_a_granule_touches_the_outline_at_its_radius"),
-    Mutant("buoyancy downward", "return -((air.density / grains.density)", "return ((air.density / grains.density)",
+    Mutant("buoyancy downward", "gravity: -((air.density / grains.density)", "gravity: ((air.density / grains.density)",
            "test_buoyancy_and_pressure_gradient_have_their_signs_and_sizes"),
 ]  # fmt: skip
 

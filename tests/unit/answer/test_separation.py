@@ -277,7 +277,7 @@ def test_draws_of_a_machine_and_of_its_image_are_pooled() -> None:
     side, rises = np.repeat([-0.08, 0.08], 1024), {True: [], False: []}
     answer = side + np.tile(normal_places(1024, 0.02), 2)
     beside = PAIR.replace({"feed.position": 1e-3})
-    assert (PAIR.images, beside.images) == ((0, 2, 1, 4, 3, 5), None)
+    assert (PAIR.images, beside.images) == ((0, 2, 1, 4, 3, 5), ())
     for seed in range(10):
         z, chance = points(2, seed), np.random.default_rng(seed)
         x = 0.08 * np.where(chance.random((FLOWN, 64)) < 0.5, -1.0, 1.0) + 0.02 * chance.normal(size=(FLOWN, 64))
