@@ -83,7 +83,7 @@ def funnel(slow: bool, tell: Tell) -> Report:
 
 def collisions(slow: bool, tell: Tell) -> Report:
     """Granules that meet, next to LIGGGHTS, OpenFOAM and kinetic theory."""
-    from proofs.collisions.report import run_collisions
+    from proofs.colliding.report import run_collisions
 
     return run_collisions(slow=slow, tell=tell)
 

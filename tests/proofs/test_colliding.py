@@ -11,9 +11,9 @@ import pytest
 
 import wakeflow as wf
 from proofs import commands
-from proofs.collisions import clouds, liggghts, report
-from proofs.collisions.cooling import Gas, cooling_coefficients
-from proofs.collisions.liggghts import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
+from proofs.colliding import clouds, liggghts, report
+from proofs.colliding.cooling import Gas, cooling_coefficients
+from proofs.colliding.liggghts import CHUNK, DEPTH, Flown, fed, fly_machine, the_machine
 from proofs.report import mean_interval
 from wakeflow.laws.constants import GRAVITY
 from wakeflow.planning.unknowns import SIGMAS

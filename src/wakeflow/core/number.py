@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 from .record import Null, column
 
@@ -44,9 +44,9 @@ class Number:
         """Whether there is a number, :data:`NO_NUMBER` being none."""
         return not math.isnan(self.value)
 
-    def __reduce__(self) -> str | tuple[object, ...]:
+    def __reduce_ex__(self, protocol: Any) -> str | tuple[Any, ...]:
         """:data:`NO_NUMBER` stays the one that it is in another process too: no NaN equals another."""
-        return (Number, (*self, self.numerical)) if self else "NO_NUMBER"
+        return "NO_NUMBER" if type(self) is Number and not self else super().__reduce_ex__(protocol)
 
     @property
     def known(self) -> bool:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from proofs.collisions.clouds import CASE, CloudFlight, fly_clouds, fly_foam_clouds, two_clouds
-from proofs.collisions.cooling import Gas, cooling_row
-from proofs.collisions.liggghts import Flown, Machine, SoftSpheres, fed, fly_liggghts, fly_machine, the_machine
+from proofs.colliding.clouds import CASE, CloudFlight, fly_clouds, fly_foam_clouds, two_clouds
+from proofs.colliding.cooling import Gas, cooling_row
+from proofs.colliding.liggghts import Flown, Machine, SoftSpheres, fed, fly_liggghts, fly_machine, the_machine
 from proofs.report import Column, Interval, Report, Row, Table, Tell, cell, mean_interval, plus_minus
 from wakeflow.air.foam.programs import openfoam_version
 from wakeflow.answer.spread import share_interval
