@@ -99,7 +99,7 @@ def best_shares(scene: Scene, folder: Path, *, slow: bool) -> BinShares:
     """The shares of another sample of ``scene``, of more granules in finer steps; with ``slow`` in the airflow of the
     reference rung, where the plan's is one in time.
     """
-    count = None if scene.collisions.count is None else MORE * scene.collisions.count
+    count = MORE * scene.collisions.count  # 0 where the plan chooses
     plan = make_plan(scene)
     if plan.collisions is not None:
         count = MORE * plan.collisions.count
@@ -107,7 +107,7 @@ def best_shares(scene: Scene, folder: Path, *, slow: bool) -> BinShares:
         "feed.seed": scene.feed.seed + OTHER_SEED,
         "feed.count": MORE * scene.feed.count,
         "numerics.tolerance": FINER * scene.numerics.tolerance,
-    } | ({} if count is None else {"collisions.count": count}))  # fmt: skip
+    } | ({"collisions.count": count} if count else {}))  # fmt: skip
     rung = "reference" if slow and plan.airflow.stepping == "time-resolved" else None
     return bin_shares(runs.run(finer, folder, rung=rung, report=False))
 
