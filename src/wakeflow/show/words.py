@@ -16,7 +16,7 @@ from ..answer.budget.budget import remedies
 from ..answer.measurements import measured_words, worth_measuring
 from ..answer.result_table import is_part
 from ..answer.shares import LEFT_OUT, NOT_COMPUTED, SHARE_UNIT, BudgetPart, BudgetRow
-from ..core.errors import known as required
+from ..core.errors import known
 from ..core.number import NO_VALUE as NO_VALUE
 from ..core.number import UNKNOWN_ERROR as UNKNOWN_ERROR
 from ..core.number import VOID as VOID
@@ -172,7 +172,7 @@ def air_words(airflow: Airflow) -> str:
 
 def loading_words(result: Result) -> str:
     """What the granules' force on the air does, in one line."""
-    loading = required(required(result.airflow).loading)
+    loading = known(known(result.airflow).loading)
     if not loading.cd:
         does = f"driven to {say(loading.speed, 'm/s', 2)}"
     else:

@@ -79,11 +79,11 @@ def test_what_no_setting_lowers_stays() -> None:
     assert expected_part(BudgetPart("mesh", 0.04, note="two grids"), meshed, halved) == pytest.approx(0.01)
     hidden = BudgetPart("mesh", 0.04, of_granules=0.04)
     assert expected_part(hidden, meshed, halved) == 0.04  # more granules, not finer cells
-    no_collisions = replace(meshed, slab=1024)
+    colliding = replace(meshed, slab=1024)
     assert (
-        expected_part(hidden, no_collisions, replace(no_collisions, slab=2**17)) == 0.04
+        expected_part(hidden, colliding, replace(colliding, slab=2**17)) == 0.04
     )  # grids are compared by granules alone
-    assert expected_part(hidden, no_collisions, replace(no_collisions, granules=4096)) == pytest.approx(0.04 / 4**0.6)
+    assert expected_part(hidden, colliding, replace(colliding, granules=4096)) == pytest.approx(0.04 / 4**0.6)
     both = BudgetPart("mesh", 0.05, of_granules=0.03)
     assert expected_part(both, meshed, halved) == pytest.approx(np.hypot(0.01, 0.03))
     less = BudgetPart("mesh", 0.02, of_granules=0.03)  # smaller than is expected of noise: no more than it is
