@@ -13,7 +13,6 @@ import wakeflow as wf
 from support import ALONE, shipped
 from wakeflow.answer.result import Request
 from wakeflow.core.errors import SceneError
-from wakeflow.core.store import cache_root
 from wakeflow.flight.stages.pipeline import Pipeline
 from wakeflow.many import agenda as run_agenda
 from wakeflow.many.agenda import Job, Step, make_agenda, starts
@@ -73,11 +72,6 @@ def test_where_a_neighbour_fails_the_others_start_from_rest(tmp_path: Path, monk
     assert sorted(bool(end) for name, end in ends.items() if not name.startswith("airflows")) == [False, True]
 
 
-def solved() -> set[str]:
-    """The airflows in the cache."""
-    return {path.name for path in (cache_root() / "airflow").iterdir() if path.is_dir()}
-
-
 @pytest.mark.openfoam
 def test_the_answer_does_not_hang_on_where_the_airflow_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another speed, another mesh: fewer iterations, the same drag and shares within what they are said to be."""
@@ -96,10 +90,12 @@ def test_the_answer_does_not_hang_on_where_the_airflow_starts(tmp_path: Path, mo
     assert near.key != rest.key
     options: dict[str, Any] = json.loads((tmp_path / "near" / "result.json").read_text())["options"]
     assert options["near"] == str(tmp_path / "first")
-    monkeypatch.setattr("wakeflow.runs.one_run.report_into", lambda *_, **__: drawn.append(solved()))
-    before, drawn = solved(), list[set[str]]()
+    drawn: list[Pipeline] = []
+    monkeypatch.setattr("wakeflow.runs.one_run.report_into", lambda pipeline, *_, **__: drawn.append(pipeline))
     report_again(tmp_path / "near")  # finds the airflow that was started so
-    assert drawn == [before]
+    (again,) = drawn
+    assert again.seconds["airflow"].cached
+    assert again.air.key != Pipeline(again.scene, again.plan).air.key
 
 
 def test_a_wake_in_time_starts_from_the_neighbours_on_every_grid() -> None:
