@@ -13,6 +13,9 @@ import pytest
 
 import unchanged
 
+# As in a run: two workers share the cores, and threads of BLAS that wait for each other took three times as long
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read where numpy is loaded first
+
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {  # by marker: what a test with it may start
     "openfoam": (

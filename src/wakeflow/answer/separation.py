@@ -176,6 +176,11 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
     """Shares, purity, recovery and throughput (kg/h) of every bin from the ``landings`` of each fraction, with the
     interval that the finite numbers of granules and of shedding cycles make.
     """
+    return sampled(scene, landings).own.separation()
+
+
+def sampled(scene: Scene, landings: Mapping[str, Landings]) -> JointAnswer:
+    """The joint answer whose only errors are the finite numbers of granules and of shedding cycles."""
     errors = sample_errors(landings, len(scene.bin), scene.images or ())
     sources = [ErrorSource(which, roots, together=True) for which, roots in errors._asdict().items()]
-    return joint_answer(scene, landings, sources=sources).own.separation()
+    return joint_answer(scene, landings, sources=sources)

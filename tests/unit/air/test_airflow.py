@@ -300,7 +300,7 @@ class TestStart:
         """It is recorded sooner than one that starts from the steady wake, and ends sooner, by the same rule; the
         numbers are the same within what they are said to be.
         """
-        coarse, fine = (replace(rhombus_spec(rung="standard", scale=scale), accuracy=0.05) for scale in (3.0, 2.0))
+        coarse, fine = (replace(rhombus_spec(rung="standard", scale=scale), accuracy=0.05) for scale in (3.6, 2.6))
         cold, warm = solved(fine, rhombus_flow), solved(fine, solved(coarse, rhombus_flow))
         begins = [json.loads((one.case / "phase.json").read_text())["begin"] for one in (cold, warm)]
         assert begins[1] < begins[0]

@@ -44,7 +44,7 @@ def airflow(stepping: str) -> FlowSpec:
     """A rhombus in two thousand cells over some hundred iterations; or in a thousand, laminar, to wide intervals."""
     if stepping == "steady":
         return rhombus_spec()
-    mesh = plan_mesh([RHOMBUS], width=5 * WIDTH, top=3 * WIDTH, bottom=-6 * WIDTH, rung="standard", scale=3.5)
+    mesh = plan_mesh([RHOMBUS], width=5 * WIDTH, top=3 * WIDTH, bottom=-6 * WIDTH, rung="standard", scale=4.0)
     return FlowSpec(mesh, 1.0, 1.2, 1.2 * WIDTH / 100, turbulence="laminar", stepping="time-resolved", accuracy=0.2)
 
 

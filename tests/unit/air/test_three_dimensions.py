@@ -214,6 +214,7 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
         tmp_path / "out",
         rung="3d",
         force=OFF,
+        report=False,
         target_error=0.5,
         refine=False,
         listener=lambda _, text: told.append(text),

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binomtest, t
 
 from support import landings_in
-from wakeflow.answer.separation import separate
+from wakeflow.answer.separation import sampled, separate
 from wakeflow.answer.spread import share_spreads, wilson
 from wakeflow.core.number import Number
 from wakeflow.flight.stages.landings import Landings
@@ -53,11 +53,14 @@ def covered(
     for _ in range(DRAWS):
         off = rng.gamma(spread**-2, spread**2, clusters) - 1.0
         near = {"soft": mean * (1.0 + off), "hard": other * np.maximum(0.0, 1.0 - narrow / spread * off)}
-        found = separate(scene, {name: landed(rng, every, fields) for name, every in near.items()})
+        own = sampled(scene, {name: landed(rng, every, fields) for name, every in near.items()}).own
         for name, truth in (("soft", mean), ("hard", other)):
-            hits[name] += _holds(found.fractions[name]["near"], truth)
-        hits["recovery"] += _holds(found.recovery["soft"], 1.5 * mean)
-        hits["purity"] += _holds(found.purity["near"]["soft"], pure)
+            hits[name] += _holds(own.share(name, "near"), truth)
+        for name, kind, truth in (
+            ("recovery", own.of_name("recovery.soft"), 1.5 * mean),
+            ("purity", own.of_purity("near", "soft"), pure),
+        ):
+            hits[name] += _holds(own.number(kind), truth)
     return {name: count / DRAWS for name, count in hits.items()}
 
 

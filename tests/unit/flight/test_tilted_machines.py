@@ -274,6 +274,6 @@ def test_the_winnower_of_the_documents_parts_grain_from_chaff(tmp_path: Path) ->
     text = (DOCS / "scenes.md").read_text()
     (written,) = (one for one in re.findall(r"^```toml\n(.*?)^```", text, re.MULTILINE | re.DOTALL) if "tilt" in one)
     winnower = Scene.parse(tomllib.loads(written)).replace({"feed.count": 256, "numerics.target_error": 0.05})
-    result = wf.run(winnower, tmp_path, force={"collisions": False})
+    result = wf.run(winnower, tmp_path, force={"collisions": False}, report=False)
     assert result.share("wheat", "grain")[0] > 0.95
     assert result.share("chaff", "grain")[0] < 0.3

@@ -446,7 +446,7 @@ class Trial:
 def trial(*, spheres: bool = False) -> Trial:
     spinning = {"fraction.*.inertia": 0.4, "fraction.*.rebound_scatter": 0.0}  # alike but for what each one draws once
     own = spinning if spheres else {"fraction.*.impact": "paper"}
-    scene = shipped("rhombus", {"feed.count": COUNT, "numerics.rung": "draft", **own})
+    scene = shipped("rhombus", {"feed.count": COUNT, "numerics.rung": "draft", "numerics.mesh_scale": 2.0, **own})
     plan = make_plan(scene, force={"air-loading": False})
     return Trial(scene, plan, Pipeline(scene, plan).field[1])
 
