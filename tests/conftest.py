@@ -13,8 +13,8 @@ import pytest
 
 import unchanged
 
-# As in a run: two workers share the cores, and threads of BLAS that wait for each other took three times as long
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read where numpy is loaded first
+# As in a run: threads of BLAS that wait for each other took three times as long. Read when numpy is loaded
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {  # by marker: what a test with it may start

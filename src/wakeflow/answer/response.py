@@ -107,11 +107,10 @@ def likelihood(inverse: Array, spread: Array, outputs: Array) -> float:
     return float(-0.5 * len(outputs) * (np.log(scale) + scatter / scale) - 0.5 * np.log(spread).sum())
 
 
-def left_out(inverse: Array, spread: Array, outputs: Array) -> float:
+def left_out(inverse: Array, _: Array, outputs: Array) -> float:
     """How near each of ``outputs`` (R, O) is to what all others let expect of it, as a number that is larger where it
     is nearer (Rasmussen & Williams 2006, eq. 5.12).
     """
-    del spread  # of the likelihood
     return -float(((inverse @ outputs / np.diag(inverse)[:, None]) ** 2).sum())
 
 

@@ -181,6 +181,5 @@ def separate(scene: Scene, landings: Mapping[str, Landings]) -> Separation:
 
 def sampled(scene: Scene, landings: Mapping[str, Landings]) -> JointAnswer:
     """The joint answer whose only errors are the finite numbers of granules and of shedding cycles."""
-    errors = sample_errors(landings, len(scene.bin), scene.images or ())
-    sources = [ErrorSource(which, roots, together=True) for which, roots in errors._asdict().items()]
-    return joint_answer(scene, landings, sources=sources)
+    errors = sample_errors(landings, len(scene.bin), scene.images or ())._asdict()
+    return joint_answer(scene, landings, sources=[ErrorSource(*error, together=True) for error in errors.items()])

@@ -210,15 +210,9 @@ def test_a_coarse_airflow_from_plan_to_landings_killed_on_the_way(
     monkeypatch.setattr("wakeflow.flight.stages.pipeline.Compilation.begin", lambda *_, **__: None)
     monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / "killed"))
     result = wf.run(
-        scene,
-        tmp_path / "out",
-        rung="3d",
-        force=OFF,
-        report=False,
-        target_error=0.5,
-        refine=False,
+        scene, tmp_path / "out", rung="3d", force=OFF, target_error=0.5, refine=False, report=False,
         listener=lambda _, text: told.append(text),
-    )
+    )  # fmt: skip
     found = result.airflow
     assert any("three dimensions, t = " in line and "left" in line for line in told)
     assert found.span.layers == 4

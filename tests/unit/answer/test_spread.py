@@ -54,13 +54,10 @@ def covered(
         off = rng.gamma(spread**-2, spread**2, clusters) - 1.0
         near = {"soft": mean * (1.0 + off), "hard": other * np.maximum(0.0, 1.0 - narrow / spread * off)}
         own = sampled(scene, {name: landed(rng, every, fields) for name, every in near.items()}).own
-        for name, truth in (("soft", mean), ("hard", other)):
-            hits[name] += _holds(own.share(name, "near"), truth)
-        for name, kind, truth in (
-            ("recovery", own.of_name("recovery.soft"), 1.5 * mean),
-            ("purity", own.of_purity("near", "soft"), pure),
-        ):
-            hits[name] += _holds(own.number(kind), truth)
+        of = {"soft": own.of_share("soft", ["near"]), "hard": own.of_share("hard", ["near"])}
+        of |= {"recovery": own.of_share("soft", ["near", "far"]), "purity": own.of_purity("near", "soft")}
+        for (name, wanted), truth in zip(of.items(), (mean, other, 1.5 * mean, pure), strict=True):
+            hits[name] += _holds(own.number(wanted), truth)
     return {name: count / DRAWS for name, count in hits.items()}
 
 

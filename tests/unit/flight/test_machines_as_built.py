@@ -84,7 +84,9 @@ def test_the_shipped_scenes_run_and_tell_their_bounds(tmp_path: Path) -> None:
     assert all(fraction.mode == "resolved" for fraction in plan.fractions.values())
     assert any("farthest from the pivot" in line for line in plan.used)
     assert all(fraction.bounds["vibration-of-the-air"] > 0.0 for fraction in plan.fractions.values())
-    chain = wf.run(rocking.replace({"numerics.rung": "none", "force.collisions": "off"}), tmp_path / "rocking", report=False)
+    chain = wf.run(
+        rocking.replace({"numerics.rung": "none", "force.collisions": "off"}), tmp_path / "rocking", report=False
+    )
     still = {key: value for key, value in rocking.tables().items() if key != "vibration"}
     at_rest = wf.run(
         Scene.parse(still).replace({"numerics.rung": "none", "force.collisions": "off"}), tmp_path / "r", report=False
