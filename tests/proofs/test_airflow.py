@@ -475,6 +475,7 @@ def test_the_blend_is_judged_by_what_knows_nothing_of_it(tmp_path: Path, monkeyp
     )
 
 
+@pytest.mark.slow
 @pytest.mark.openfoam
 def test_dust_stays_longer_behind_a_plate_in_the_steady_wake_than_in_the_one_that_sheds() -> None:
     """Coarse: the row of `wakeflow verify airflow --slow` on a mesh of some 800 cells."""

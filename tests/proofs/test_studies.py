@@ -154,6 +154,7 @@ def test_air_loading() -> None:
     assert answers[1]["cd"] < answers[0]["cd"]
 
 
+@pytest.mark.slow
 @pytest.mark.openfoam
 def test_passes_that_do_not_settle_find_the_force_of_those_that_do() -> None:
     """On a coarse mesh; a share of 512 granules moves by two of them where one is turned at an edge."""

@@ -467,7 +467,7 @@ class TestRanks:
     def test_two_ranks_give_the_same_drag_and_survive_an_interruption(self, tmp_path: Path) -> None:
         """On cells enough for a run of some seconds, so that there is something to interrupt."""
         spec, case = flow(), tmp_path / "case"
-        spec = replace(spec, mesh=spec.mesh.scaled(0.55))
+        spec = replace(spec, mesh=spec.mesh.scaled(0.65))
         folder, alone = kept_airflow(spec)
 
         saved: list[float] = []

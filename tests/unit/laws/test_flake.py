@@ -44,7 +44,7 @@ def test_a_flake_leaves_a_slope_with_a_spin_by_chance_and_the_velocity_of_a_disc
     _of_one_blow(tracks.spin)
     slab = wf.track(
         None, grains.replace(time=np.linspace(0.0, 20.0, COUNT)), **{**laws, "until": 20.02},
-        collisions=wf.Collisions(0.06, step=5e-4),
+        collisions=wf.Collisions(0.06, step=2e-3),
     )  # fmt: skip
     _of_one_blow(slab.spin[slab.impacts == 1])
     wall, hits = np.zeros((COUNT, 2)), np.tile([math.sqrt(0.5)] * 2, (COUNT, 1))

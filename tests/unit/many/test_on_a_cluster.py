@@ -13,8 +13,8 @@ from wakeflow.cli import main
 from wakeflow.core.errors import SceneError
 from wakeflow.many.agenda import make_agenda
 
-COMMAND = ["sweep", str(CASES / "rhombus.toml"), "--rung", "none", "--quiet", "--set", "feed.count=64"]
-COMMAND += ["--set", "fraction.wheat.restitution=0.3,0.5,1.5"]
+COMMAND = ["sweep", str(CASES / "vacuum.toml"), "--quiet", "--set", "feed.count=64"]
+COMMAND += ["--set", "fraction.hard.restitution=0.3,0.5,1.5"]
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
@@ -46,7 +46,7 @@ def test_a_cluster_gives_the_table_of_a_local_sweep(running: LoopbackCluster, lo
     assert {row["state"] for row in rows(local)} == {"done", "failed"}
     assert list((tmp_path / "address" / "workers").glob("*/log.worker-1"))
     with distributed.Client(running.address, set_as_default=False) as client:
-        scene = shipped("rhombus", {"numerics.rung": "none", "feed.count": 64})
+        scene = shipped("vacuum", {"feed.count": 64})
         sweep = wf.sweep([scene], tmp_path / "client", scheduler=client)
         assert client.status == "running"
     assert sweep.failed == {}

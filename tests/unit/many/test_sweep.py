@@ -393,8 +393,8 @@ def test_what_a_sweep_will_cost(capsys: pytest.CaptureFixture[str], tmp_path: Pa
 
 def test_the_same_command_goes_on_after_a_kill(tmp_path: Path) -> None:
     """Killed with scenes behind and ahead, workers included; then no finished scene is computed again."""
-    command = ["sweep", str(CASES / "rhombus.toml"), "--rung", "none", "--set", "feed.count=64"]
-    command += ["--set", "feed.height=80:140:4 mm", "--workers", "1", "--out", str(tmp_path), "--quiet"]
+    command = ["sweep", str(CASES / "vacuum.toml"), "--set", "feed.count=64", "--set", "feed.height=80:140:4 mm"]
+    command += ["--workers", "1", "--out", str(tmp_path), "--quiet"]
     program = [sys.executable, "-m", "wakeflow.cli", *command]
     with subprocess.Popen(program, start_new_session=True) as sweep:
         while not (points := sorted(tmp_path.glob("*/.point.json"))):

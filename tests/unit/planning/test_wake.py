@@ -271,7 +271,10 @@ UNIFORM = {"air-loading": False}  # air before the body that no granules slow: i
 
 @cache
 def rhombus() -> Scene:
-    return shipped("rhombus", {"numerics.rung": "draft", "feed.count": 512, "fraction.*.impact": "paper"})
+    return shipped(
+        "rhombus",
+        {"numerics.rung": "draft", "numerics.mesh_scale": 2.0, "feed.count": 512, "fraction.*.impact": "paper"},
+    )
 
 
 def of(scene: Scene, name: str) -> Deflection:

@@ -339,7 +339,7 @@ def test_a_second_core_works_meanwhile_and_changes_no_air(tmp_path: Path, monkey
     """The steady end's airflow is solved beside the answer's; on one core after it. That flights ahead change nothing:
     tests/unit/air/test_same_answer.py, of a run on all cores and of one on one.
     """
-    scene = shipped("rhombus", {"numerics.mesh_scale": 4.0, "numerics.averaging": 0.2, "numerics.rung": "standard"})
+    scene = shipped("rhombus", {"numerics.mesh_scale": 4.0, "numerics.target_error": 0.2, "numerics.rung": "standard"})
     found, order = {}, {}
     for cores in (1, 2):
         monkeypatch.setenv("WAKEFLOW_CACHE", str(tmp_path / f"cache-{cores}"))
