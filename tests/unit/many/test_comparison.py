@@ -348,12 +348,7 @@ def test_the_table_holds_what_the_result_holds(folder: Path) -> None:
 
 def test_half_the_uncertainty_moves_a_share_half_as_far(folder: Path, tmp_path: Path) -> None:
     settings = {"feed.count": 512, "uncertainty.fraction.hard.restitution": 0.1}
-    wide = wf.run(
-        wf.Scene.load(Path(__file__).parents[3] / "cases" / "vacuum.toml", settings),
-        tmp_path,
-        rung="none",
-        report=False,
-    )
+    wide = wf.run(shipped("vacuum", settings), tmp_path, rung="none", report=False)
     narrow = Result.load(folder)
     assert wide.landings is not None
     assert narrow.landings is not None
