@@ -83,9 +83,7 @@ def test_kernels_go_along_a_slope_as_the_material_says_and_a_ball_as_a_ball() ->
             ["impaction", 3, "--quick"], "{body}", [next(iter(bounds.BODIES)), "K = tau v / h"],
             marks=pytest.mark.openfoam,
         ),
-        pytest.param(
-            ["labyrinth", 64, 4], "{fraction}", list(shipped("labyrinth").fraction), marks=pytest.mark.openfoam
-        ),
+        pytest.param(["labyrinth", 64, 4], "{fraction}", list(shipped("labyrinth").fraction), marks=SLOW),
         (["flakes_in_air", "--count", 60], "{restitution}", ["0.2", "0.5"]),
         (["flakes", "--count", 8], "{plate}", ["6 x 2 x 0.2", "3 x 3 x 0.1", "10 x 3 x 0.2", "12.65 x 3.69 x 3.69"]),
         (["kernels", "--count", 8], "{kernel}", ["wheat", "wheat, Sakha 93", "barley"]),

@@ -293,9 +293,13 @@ def halved(before: Callable[[float], Any], low: float, high: float, halvings: in
 def halved_all(
     before: Callable[[Array], NDArray[np.bool_]], low: Array, high: Array, halvings: int
 ) -> tuple[Array, Array]:
-    """Halve n brackets (n,) at once: ``before`` takes the middles (n,) and tells each one's side (n,)."""
+    """Halve n brackets (n,) at once, ``halvings`` times or until all are as narrow as numbers are: ``before`` takes the
+    middles (n,) and tells each one's side (n,).
+    """
     for _ in range(halvings):
         middle = 0.5 * (low + high)
         holds = before(middle)
-        low, high = np.where(holds, middle, low), np.where(holds, high, middle)
+        wider, (low, high) = (low, high), (np.where(holds, middle, low), np.where(holds, high, middle))
+        if np.array_equal(wider, (low, high)):
+            break
     return low, high

@@ -50,7 +50,7 @@ class _Gap:
     def at(self, t: Array, i: Index) -> Array:
         """Distance (m) of granules i at times t (s); s = t - passing."""
         s, n = t - self.passing[i], self.normal[i]
-        moved = np.einsum("ij,ij->i", n, self.motion.at(t, self.place[i])[0])
+        moved = np.einsum("ij,ij->i", n, self.motion.displacement(t, self.place[i]))
         return np.asarray(-n[:, 1] * s * (self.fall_speed[i] + 0.5 * self.pull[i] * s) - moved)
 
     def rate(self, t: Array, i: Index) -> Array:
