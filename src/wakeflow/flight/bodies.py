@@ -86,13 +86,6 @@ class Motion:
         there = away + moved
         return moved, turn * across(there), along * pull * across(there) - turn**2 * there
 
-    def displacement(self, time: Array, place: Array) -> Array:
-        """What :meth:`at` says first, in half the time along a line: contacts ask for it again and again."""
-        if self.record is not None or self.pivot is not None:
-            return self.at(time, place)[0]
-        swing = np.sin(2 * np.pi * self.frequency * time[..., None] + self.phase)
-        return np.asarray(self.amplitude * swing)
-
     def __post_init__(self) -> None:
         values = numbers("motion: amplitude", self.amplitude, "m" if self.pivot is None else "rad")
         for name, unit in (("frequency", "Hz"), ("phase", "rad")):

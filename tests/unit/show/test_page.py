@@ -200,7 +200,7 @@ def test_the_commit_is_that_of_the_folder_itself(tmp_path: Path) -> None:
     assert commit_of(tmp_path) == ""
     root = Path(__file__).parents[3]
     found = commit_of(root)
-    assert found is None or re.fullmatch(r"[0-9a-f]{40}\+?", found)
+    assert not found or re.fullmatch(r"[0-9a-f]{40}\+?", found)
 
 
 SPAN, SIZE, PLENTY = 0.2, 300, 5e6
